@@ -1,0 +1,65 @@
+#include "core/parallel.h"
+
+#include <sched.h>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+#include <xmmintrin.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <thread>
+
+namespace brume {
+namespace {
+
+constexpr unsigned kFlushToZero = 0x8000, kDenormalsAreZero = 0x0040;
+
+}  // namespace
+
+void flush_denormals() { _mm_setcsr(_mm_getcsr() | kFlushToZero | kDenormalsAreZero); }
+
+bool denormals_are_flushed() {
+  constexpr unsigned both = kFlushToZero | kDenormalsAreZero;
+  return (_mm_getcsr() & both) == both;
+}
+
+int resolve_thread_count(int requested) {
+  if (requested > 0) return requested;
+  if (const char* slurm = std::getenv("SLURM_CPUS_PER_TASK")) {
+    const int n = std::atoi(slurm);
+    if (n > 0) return n;
+  }
+  cpu_set_t set;
+  if (sched_getaffinity(0, sizeof set, &set) == 0) return std::max(1, CPU_COUNT(&set));
+  return std::max(1u, std::thread::hardware_concurrency());
+}
+
+void parallel_for_slots(int threads, std::size_t count, std::size_t grain,
+                        const std::function<void(std::size_t, int)>& body) {
+  if (count == 0) return;
+  const int n = resolve_thread_count(threads);
+  if (n == 1) {
+    flush_denormals();
+    for (std::size_t i = 0; i < count; ++i) body(i, 0);
+    return;
+  }
+  tbb::task_arena arena(n);
+  arena.execute([&] {
+    tbb::parallel_for(
+        tbb::blocked_range<std::size_t>(0, count, std::max<std::size_t>(1, grain)),
+        [&](const tbb::blocked_range<std::size_t>& range) {
+          flush_denormals();
+          const int slot = tbb::this_task_arena::current_thread_index();
+          for (std::size_t i = range.begin(); i < range.end(); ++i) body(i, slot);
+        },
+        tbb::simple_partitioner());
+  });
+}
+
+void parallel_for(int threads, std::size_t count, std::size_t grain,
+                  const std::function<void(std::size_t)>& body) {
+  parallel_for_slots(threads, count, grain, [&](std::size_t i, int) { body(i); });
+}
+
+}  // namespace brume

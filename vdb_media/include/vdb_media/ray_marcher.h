@@ -1,0 +1,93 @@
+// Walks rays through a medium: optical depth, and shells of it for gathers and eye rays.
+//
+// A grid is walked brick by brick and cell by cell (3-D DDA in index space). Inside a cell of eight
+// nodes the density along a straight ray is a cubic, which two Gauss points integrate exactly, so at
+// `step_voxels` <= 1 there is no step-size error (gradients.md 8). Coarser steps use two Gauss points
+// a step of that many voxels.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/math.h"
+#include "vdb_media/medium.h"
+
+namespace brume {
+
+// Which code path samples bricks. All give the same bits; Auto takes the widest the CPU has.
+enum class Simd { Auto, Scalar, Avx512 };
+
+struct MarchOptions {
+  double step_voxels = 0;  // 0: exact (1).
+  Simd simd = Simd::Auto;
+};
+
+// What was done; one a thread, merged at the end.
+struct MarchCounters {
+  std::uint64_t rays = 0;      // Rays that met a volume's bounds.
+  std::uint64_t segments = 0;  // Steps in which density was sampled; homogeneous: one a ray or shell.
+};
+
+// The integral of density over `t`, in density * world units, in double. Works with an endless `t`.
+double density_integral(const Volume& volume, const Ray& ray, Interval t, const MarchOptions& options,
+                        MarchCounters& counters);
+
+// tau = sum over volumes of sigma_t * density_integral.
+RgbD optical_depth(const Medium& medium, const Ray& ray, Interval t, const MarchOptions& options,
+                   MarchCounters& counters);
+
+// One volume's share of one shell [t_i, t_i+1] of a ray.
+struct ShellDensity {
+  double integral = 0;  // Of density over the shell.
+  // A distance in the shell drawn in proportion to density * transmittance (exact for one grey
+  // volume; with others, in proportion to this volume's own), from the caller's uniform number.
+  // Where integral is 0 it is uniform in the shell.
+  double t_sample = 0;
+};
+
+// The density of every volume along a ray, cut at common boundaries. Reusable scratch memory: make
+// one a thread. Results stay valid until the next march().
+class ShellMarcher {
+ public:
+  explicit ShellMarcher(const Medium& medium, MarchOptions options);
+  // Copies share nothing; the Medium must outlive them.
+
+  // Marches from boundaries.front() to min(boundaries.back(), t_end); shells past t_end are zero and
+  // the one that holds t_end is cut there. `boundaries` ascend, at least two. `jitter` has one number
+  // in [0,1) a shell, used for every volume's t_sample. With `want_gradients` also the weighted
+  // integrals of grad density below.
+  void march(const Ray& ray, std::span<const double> boundaries, double t_end,
+             std::span<const double> jitter, bool want_gradients, MarchCounters& counters);
+
+  // Shells that begin before t_end.
+  int shell_count() const { return shell_count_; }
+  const ShellDensity& shell(int volume, int shell) const {
+    return shells_[std::size_t(volume) * stride_ + shell];
+  }
+  // sum over volumes of sigma_t * integral of density, from boundaries.front() to the start of
+  // `shell` (or to t_end for shell == shell_count()).
+  const RgbD& tau(int shell) const { return tau_[shell]; }
+  // Integrals over u from 0 (the ray's origin) to the start of `shell` of grad density and of
+  // u grad density, per volume, in world space: I0 and I1 of gradients.md 3, before sigma_t.
+  // Only with want_gradients. The density before boundaries.front() counts as none, so callers put
+  // boundaries.front() at or before the medium's entry.
+  const Vec3d& grad_integral(int volume, int shell) const {
+    return i0_[std::size_t(volume) * stride_ + shell];
+  }
+  const Vec3d& grad_moment(int volume, int shell) const {
+    return i1_[std::size_t(volume) * stride_ + shell];
+  }
+
+ private:
+  const Medium* medium_;
+  MarchOptions options_;
+  int shell_count_ = 0;
+  std::size_t stride_ = 0;
+  std::vector<ShellDensity> shells_;
+  std::vector<RgbD> tau_;
+  std::vector<Vec3d> i0_, i1_;
+  std::vector<double> knot_t_, knot_integral_;
+};
+
+}  // namespace brume
