@@ -1,0 +1,73 @@
+// Finds what rays hit. The only face of Embree, 3 or 4, in the program.
+//
+// Geometry is recentred in double before it becomes float, and hits are rebuilt in double from
+// barycentrics, so a scene far from the origin answers like one at it (HARD_CASES N12, N14).
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/math.h"
+#include "geom/triangle_mesh.h"
+
+namespace brume {
+
+struct Hit {
+  double t = kInfinity;     // Infinity: a miss, and nothing else is set.
+  Vec3d position{0.0};
+  Vec3d normal{0.0};          // Geometric, unit, on the counter-clockwise side whichever way the ray came.
+  Vec3d shading_normal{0.0};  // Unit, interpolated where the mesh has normals, in normal's half space.
+  double offset = 0;          // How far along the normal a new ray must start to clear this surface.
+  std::uint32_t mesh = 0, triangle = 0, material = 0;
+
+  bool is_hit() const { return t < kInfinity; }
+  // Where a ray that leaves towards `direction` starts.
+  Vec3d spawn(const Vec3d& direction) const {
+    return position + normal * (normal.dot(direction) >= 0 ? offset : -offset);
+  }
+};
+
+// A segment whose ends may see each other. `direction` is unit length, `t_end` may be infinite.
+struct ShadowRay {
+  Vec3d origin{0.0}, direction{0.0, 0.0, 1.0};
+  double t_end = kInfinity;
+};
+
+// Immutable once built; all queries are thread-safe. A ray with a non-finite part or a zero direction
+// misses.
+class RayTracer {
+ public:
+  // Meshes must be clean (remove_bad_triangles). Throws Error(Resource) when out of memory.
+  explicit RayTracer(std::vector<TriangleMesh> meshes);
+  ~RayTracer();
+  RayTracer(RayTracer&&) noexcept;
+
+  const std::vector<TriangleMesh>& meshes() const;
+  // World box of all triangles; empty without any.
+  const Box3d& bounds() const;
+  // One byte a library: name and version, for --version and image metadata.
+  static std::string library_version();
+
+  // Nearest hit with 0 < t < t_end.
+  Hit intersect(const Ray& ray, double t_end = kInfinity) const;
+  // Same for many rays, in packets of 8 (DESIGN 4.5); hits.size() == rays.size().
+  void intersect(std::span<const Ray> rays, std::span<Hit> hits) const;
+
+  // Whether anything that casts shadows lies strictly between origin and t_end.
+  bool is_occluded(const ShadowRay& ray) const;
+  // Same for many, in packets of 16; 1 where occluded.
+  void is_occluded(std::span<const ShadowRay> rays, std::span<std::uint8_t> occluded) const;
+
+  // A point of a triangle by barycentrics (b1, b2), as if a ray had hit it at t = 0.
+  Hit point_on(std::uint32_t mesh, std::uint32_t triangle, const Vec2d& barycentrics) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace brume

@@ -1,0 +1,35 @@
+// Reads scene files: JSON with // comments, strict (SPEC, "Scene file").
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "scene/scene.h"
+
+namespace brume {
+
+struct SceneFileOptions {
+  std::vector<std::string> overrides;  // "/json/pointer=value", applied in order (-D).
+  GridFileOptions grids;
+  std::optional<int> frame;                     // For #### in file names.
+  std::optional<std::filesystem::path> confine;  // Refuse what leaves this folder.
+  std::uint64_t max_triangles = 200'000'000;
+  bool load_data = true;  // false: check the file alone; no meshes or grids are opened.
+};
+
+// Throws Error(InvalidInput): `FILE: /json/pointer: what is wrong: what to do`.
+Scene load_scene(const std::filesystem::path& file, const SceneFileOptions& options);
+
+// A scene around a bare .vdb: camera, sun and sky, ground plane chosen from its bounds; what was chosen
+// is in `warnings`' sibling `notes`, one line each.
+struct VdbScene {
+  Scene scene;
+  std::vector<std::string> notes;
+};
+VdbScene make_vdb_scene(const std::filesystem::path& vdb, const SceneFileOptions& options);
+
+// JSON Schema (draft 2020-12) made from the table that parses, so the two cannot differ.
+std::string scene_schema();
+
+}  // namespace brume
