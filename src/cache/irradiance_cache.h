@@ -1,0 +1,77 @@
+// Irradiance between records: weights, extrapolation with both gradients, and the index that finds who
+// answers [WRC88, WH92].
+//
+// Layers are separate: layer B answers eye rays, layer l < B answers the hits of gathers for layer l + 1
+// (SPEC, bounces). A query names its layer.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "cache/record.h"
+#include "core/math.h"
+
+namespace brume {
+
+// One record's part in an answer.
+struct RecordWeight {
+  const SurfaceRecord* record = nullptr;
+  double weight = 0;
+  RgbD extrapolated;  // Its irradiance carried to the query, before clamping.
+};
+
+struct InterpolatedIrradiance {
+  RgbD irradiance;       // Never negative, never non-finite; 0 when nobody answers.
+  int records = 0;       // How many answered; 0: the point is not covered.
+  bool clamped = false;  // An extrapolation had to be kept at or above 0 or below twice its record's value.
+  double media_share = 0;
+};
+
+struct IrradianceQuery {
+  int layer = 0;
+  Vec3d position{0.0};
+  Vec3d normal{0.0};      // Unit, on the side that receives.
+  double min_radius = 0;  // Records act as if their radii were at least this (a pixel's footprint).
+};
+
+// Frozen: built once from records in RecordOrder, then queried from any thread.
+class IrradianceCache {
+ public:
+  IrradianceCache() : IrradianceCache({}, Vec3d(0.0)) {}
+  IrradianceCache(std::vector<SurfaceRecord> records, const Vec3d& origin);
+
+  std::span<const SurfaceRecord> records() const { return records_; }
+  const Vec3d& origin() const { return origin_; }
+
+  // Weighted mean over records whose error at the query is below 1:
+  //   e = max(sqrt((d.e1/R1)^2 + (d.e2/R2)^2 + (d.n/Rmin)^2), sqrt((1 - n.n') / (1 - cos_max))),
+  // weight 1 - e, skipping records that look at the query from behind. Sums run in record order.
+  InterpolatedIrradiance irradiance(const IrradianceQuery& query) const;
+  // Whether some record answers with error below `max_error`; stops at the first.
+  bool covers(const IrradianceQuery& query, double max_error = 1) const;
+  // Who answers, in record order (inspect --at).
+  std::vector<RecordWeight> explain(const IrradianceQuery& query) const;
+
+ private:
+  struct Node {
+    float min[3], max[3];
+    std::uint32_t first, count;  // count 0: inner, children at first and first + 1.
+  };
+  struct LayerIndex {
+    std::vector<Node> nodes;
+    std::vector<std::uint32_t> order;
+  };
+  template <typename Visit>
+  void visit(const IrradianceQuery& query, Visit&& visit) const;
+
+  std::vector<SurfaceRecord> records_;
+  Vec3d origin_;
+  std::vector<LayerIndex> layers_;
+};
+
+// The largest angle between normals that a record bridges (cosine).
+inline constexpr double kMaxNormalCosine = 0.8;
+
+}  // namespace brume

@@ -1,0 +1,47 @@
+// Irradiance at one point of a surface, with what is needed to use it nearby. The struct is the layout on
+// disk (docs/cache_format.md): little-endian, 128 bytes, no padding.
+#pragma once
+
+#include <cstdint>
+#include <type_traits>
+
+#include "core/math.h"
+
+namespace brume {
+
+struct SurfaceRecord {
+  float position[3];    // Relative to the cache's origin, world units.
+  float normal[3];      // Unit.
+  float irradiance[3];  // [W/m^2]
+  float gradient[9];    // dE/d(x,y,z), three numbers a channel, all components [W/m^2 per world unit].
+  float rotational[6];  // Rotational gradient, (u, v) of Frame(normal) for each channel.
+  float axis;           // Angle of the first radius' axis from u in Frame(normal) [rad].
+  float radius[2];      // Along the axis and across it; world units.
+  float error;          // Estimated standard error of the irradiance's luminance [W/m^2].
+  float media_share;    // Part of the luminance that came from the medium, in [0,1].
+  float reserved;       // 0.
+  std::uint32_t flags;  // Bits 0-7: layer, 8-15: wave, 16: radius was clamped by a neighbour.
+  std::uint64_t key;    // What the record is a pure function of, with the fingerprint.
+
+  int layer() const { return static_cast<int>(flags & 0xff); }
+  int wave() const { return static_cast<int>((flags >> 8) & 0xff); }
+};
+static_assert(sizeof(SurfaceRecord) == 128 && std::is_trivially_copyable_v<SurfaceRecord>);
+
+inline constexpr std::uint32_t kRadiusClampedFlag = 1u << 16;
+inline std::uint32_t record_flags(int layer, int wave) {
+  return static_cast<std::uint32_t>(layer & 0xff) | static_cast<std::uint32_t>(wave & 0xff) << 8;
+}
+
+// A record's place in the one order that every file and every sum uses: layer, wave, key.
+struct RecordOrder {
+  bool operator()(const SurfaceRecord& a, const SurfaceRecord& b) const {
+    if ((a.flags & 0xffff) != (b.flags & 0xffff)) {
+      if (a.layer() != b.layer()) return a.layer() < b.layer();
+      return a.wave() < b.wave();
+    }
+    return a.key < b.key;
+  }
+};
+
+}  // namespace brume
