@@ -19,7 +19,6 @@ struct SurfaceRecord {
   float radius[2];      // Along the axis and across it; world units.
   float error;          // Estimated standard error of the irradiance's luminance [W/m^2].
   float media_share;    // Part of the luminance that came from the medium, in [0,1].
-  float reserved;       // 0.
   std::uint32_t flags;  // Bits 0-7: layer, 8-15: wave, 16: radius was clamped by a neighbour.
   std::uint64_t key;    // What the record is a pure function of, with the fingerprint.
 
