@@ -1,0 +1,73 @@
+// Fills an irradiance cache: place, gather, radius, clamp, seal, wave by wave.
+//
+// Records are pure functions of (fingerprint, key); placement reads sealed waves and its own tile only, so
+// the records depend on no thread count (docs/decisions/0001).
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "cache/irradiance_cache.h"
+#include "gather/gather.h"
+#include "plan/effects.h"
+#include "scene/scene.h"
+
+namespace brume {
+
+// What the fingerprint covers besides the world.
+struct BakeSettings {
+  GatherOptions gather;
+  int bounces = 4;
+  int volume_bounces = 1;
+  std::uint64_t seed = 1;
+  double error = 0.25;        // Split-sphere accuracy [WRC88]: radius = error * mean distance; smaller is finer.
+  double min_radius = 0.002;  // Of the scene's diagonal.
+  double max_radius = 0.08;   // Of the scene's diagonal.
+  LightDepth light_depth = LightDepth::Volumes;
+
+  std::string to_json() const;  // One line, every member.
+};
+
+// World, settings, seed and algorithm version; never cameras, threads or paths.
+Fingerprint bake_fingerprint(const World& world, const BakeSettings& settings);
+
+struct BakeView {
+  std::string name;
+  Camera camera;
+  int width = 0, height = 0;
+};
+
+struct BakeRequest {
+  std::vector<BakeView> views;
+  bool everywhere = false;  // Cover all surfaces instead.
+  int threads = 0;
+  // Stage name and fraction of it; from one thread.
+  std::function<void(const std::string& stage, double fraction)> progress;
+  std::function<bool()> stop_requested;
+};
+
+struct BakeStats {
+  std::vector<std::pair<std::string, double>> seconds;  // By stage, in order.
+  Counters counters;
+  std::size_t records_added = 0;
+};
+
+struct BakeResult {
+  std::shared_ptr<const IrradianceCache> cache;
+  BakeStats stats;
+  bool is_stopped = false;  // stop_requested() said so; what is in the cache is whole waves.
+};
+
+// The layer that eye rays ask, and gathers below it in turn.
+inline int top_layer(const BakeSettings& settings) { return settings.bounces; }
+
+// Adds what the views (or all surfaces) need to `existing` (null: nothing). Without indirect light to
+// hold (Effects::indirect) the cache is empty. Throws Error(Stopped) never: see is_stopped.
+BakeResult bake(const Lighting& lighting, const BakeSettings& settings, const BakeRequest& request,
+                const IrradianceCache* existing);
+
+}  // namespace brume

@@ -1,0 +1,91 @@
+// Irradiance at a point and its gradients, from one stratified gather over the hemisphere.
+//
+// The gradient is form F of gradients.md 3: world-fixed shells, walls that move with 1/min(t, r), exact
+// cell moments, the cosine at the wall. [JZJ08] is the talk; in vacuum it is [WH92].
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "cache/irradiance_cache.h"
+#include "gather/lighting.h"
+#include "plan/effects.h"
+
+namespace brume {
+
+enum class GradientMode {
+  None,
+  WardHeckbert,  // Walls with total radiance and surface distances; knows no medium.
+  Media,         // The medium moves with the point; knows no occlusion.
+  Full           // Form F.
+};
+const char* gradient_mode_name(GradientMode mode);
+// Throws Error(Usage) listing the names.
+GradientMode parse_gradient_mode(const std::string& name);
+
+struct GatherOptions {
+  int cells_theta = 16, cells_phi = 50;
+  int shells = 0;          // 0: as many as the medium needs, at most kMaxAutomaticShells.
+  double step_voxels = 0;  // 0: exact.
+  GradientMode gradient = GradientMode::Full;
+  static constexpr int kMaxAutomaticShells = 48;
+};
+
+// What gather rays see where they hit a surface.
+struct HitLight {
+  // false: surfaces reflect nothing; only "direct": false emitters and the medium send light.
+  bool reflect = true;
+  // Irradiance of the next deeper layer; null: hits reflect direct light only.
+  const IrradianceCache* cache = nullptr;
+  int layer = 0;
+  double min_radius = 0;  // Records act as if at least this wide, where nobody answers otherwise.
+};
+
+// Where and how to gather. `offset` clears the surface that the point lies on.
+struct GatherPoint {
+  Vec3d position{0.0}, normal{0.0, 0.0, 1.0};
+  double offset = 0;
+  std::uint64_t key = 0;  // All random numbers derive from it.
+};
+
+struct GradientTerms {
+  RgbGradient radial, walls, grad_sigma, directional;
+  RgbGradient sum() const { return radial + walls + grad_sigma + directional; }
+};
+
+// Gradients are per world unit.
+struct GatherResult {
+  RgbD irradiance, irradiance_surface, irradiance_media;
+  GradientTerms terms;         // All zero in mode None; Ward-Heckbert has walls only.
+  RgbGradient rotational;      // E(n') = E + (n x n') . rotational.
+  double error = 0;            // Estimated standard error of the irradiance's luminance.
+  double mean_distance = kInfinity;  // Harmonic mean distance of what is seen, split-sphere [WRC88].
+  double light_distance = kInfinity; // Same, weighted by the light that arrives.
+  int shells = 0;
+};
+
+// Scratch memory of one thread. The World and Lighting must outlive it.
+class Gatherer {
+ public:
+  Gatherer(const Lighting& lighting, const Effects& effects, const GatherOptions& options);
+  ~Gatherer();
+
+  // A pure function of the world, options, point and light. Adds to `counters`.
+  GatherResult gather(const GatherPoint& point, const HitLight& light, Counters& counters);
+
+  // Gradients of other modes from the samples of the last gather().
+  GradientTerms gradient(GradientMode mode) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+// Direct irradiance (light straight from lights) at a point of a surface, area lights with
+// `samples` samples each.
+RgbD direct_irradiance(const Lighting& lighting, const Vec3d& position, const Vec3d& normal,
+                       int samples, std::uint64_t key, Counters& counters);
+
+}  // namespace brume

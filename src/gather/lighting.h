@@ -1,0 +1,59 @@
+// Light straight from lights, dimmed by the medium: at surfaces and at points of the medium.
+//
+// Visibility and optical depth are separate (DESIGN 4.4): visibility is traced, optical depth comes from
+// light volumes or, with LightDepth::Exact, from marching.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "plan/effects.h"
+#include "scene/world.h"
+#include "vdb_media/light_volume.h"
+#include "vdb_media/ray_marcher.h"
+
+namespace brume {
+
+enum class LightDepth { Volumes, Exact };
+
+struct LightingOptions {
+  LightDepth depth = LightDepth::Volumes;
+  double target_error = 0.005;  // Of transmittance, rms, for each light volume.
+  MarchOptions march;
+  int threads = 0;
+};
+
+// Immutable once built, shared by all threads. Area lights have a table for each of four patches;
+// environments are always marched.
+class Lighting {
+ public:
+  Lighting(const World& world, const LightingOptions& options);
+
+  const World& world() const { return world_; }
+  const MarchOptions& march() const { return options_.march; }
+
+  // Transmittance from p to the light along its sample; visibility is not in it.
+  RgbD transmittance(int light, const LightSample& sample, const Vec3d& p, Counters& counters) const;
+
+  // Error of transmittance() over random points of the medium and samples of the lights, against
+  // marching; 0 without light volumes. Measured when built.
+  double rms_error() const { return rms_error_; }
+  double max_error() const { return max_error_; }
+  std::size_t memory_bytes() const;
+
+ private:
+  struct Table {
+    Vec3d centre;  // Of the light's patch.
+    std::vector<std::unique_ptr<LightVolume>> volumes;  // By volume; null for homogeneous ones.
+  };
+  const Table& table(int light, const Vec3d& point_on_light) const;
+  RgbD exact_depth(const LightSample& sample, const Vec3d& p, Counters& counters) const;
+  void measure_error();
+
+  const World& world_;
+  LightingOptions options_;
+  std::vector<std::vector<Table>> tables_;  // By light; empty: marched.
+  double rms_error_ = 0, max_error_ = 0;
+};
+
+}  // namespace brume
