@@ -27,14 +27,16 @@ if(BRUME_SANITIZE)
 endif()
 
 # brume_library(NAME SOURCES ... [HEADERS ...] [INCLUDE dir] [PUBLIC libs] [PRIVATE libs])
+# HEADERS are installed; a header that only its own sources may read goes among SOURCES.
 function(brume_library name)
   cmake_parse_arguments(A "" "INCLUDE" "SOURCES;HEADERS;PUBLIC;PRIVATE" ${ARGN})
-  add_library(${name} STATIC ${A_SOURCES} ${A_HEADERS})
   if(NOT A_INCLUDE)
     set(A_INCLUDE ${PROJECT_SOURCE_DIR}/src)
   endif()
-  target_include_directories(${name} PUBLIC $<BUILD_INTERFACE:${A_INCLUDE}>
-                             $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}/brume>)
+  add_library(${name} STATIC ${A_SOURCES})
+  target_sources(${name} PUBLIC FILE_SET HEADERS BASE_DIRS ${A_INCLUDE} FILES ${A_HEADERS})
+  target_include_directories(${name} PUBLIC $<BUILD_INTERFACE:${A_INCLUDE}>)
+  target_compile_features(${name} PUBLIC cxx_std_20)
   target_link_libraries(${name} PUBLIC ${A_PUBLIC} PRIVATE ${A_PRIVATE} $<BUILD_INTERFACE:brume_flags>)
   set_property(GLOBAL APPEND PROPERTY BRUME_LIBRARIES ${name})
 endfunction()
@@ -45,6 +47,7 @@ function(brume_program name)
   add_executable(${name} ${A_SOURCES})
   target_link_libraries(${name} PRIVATE ${A_LINK} brume_flags)
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/bin)
+  set_property(GLOBAL APPEND PROPERTY BRUME_PROGRAMS ${name})
 endfunction()
 
 # brume_test(NAME LABEL unit SOURCES ... LINK libs [TIMEOUT s]); its main() is tests/support's.
