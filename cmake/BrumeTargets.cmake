@@ -16,7 +16,9 @@ add_library(brume_flags INTERFACE)
 target_compile_options(brume_flags INTERFACE
   -Wall -Wextra -Wshadow -Wnon-virtual-dtor -Wformat=2 -Werror
   -ffp-contract=off -fno-math-errno -fstack-protector-strong
-  -ffile-prefix-map=${PROJECT_SOURCE_DIR}=.)
+  -ffile-prefix-map=${PROJECT_SOURCE_DIR}=.
+  # False alarms of GCC 12 on "literal" + std::string (its bug 105651).
+  $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>)
 target_compile_definitions(brume_flags INTERFACE BRUME_VERSION="${PROJECT_VERSION}")
 
 set(BRUME_SANITIZE "" CACHE STRING "Sanitizers for every target: address;undefined or thread")
