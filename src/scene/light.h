@@ -8,6 +8,7 @@
 #include <variant>
 #include <vector>
 
+#include "core/hash.h"
 #include "core/math.h"
 #include "scene/material.h"
 
@@ -63,12 +64,15 @@ class Light {
                      const Vec3d& light_normal) const = 0;
   // Radiance from infinity along `direction` (pointing away from the viewer); 0 but for environments.
   virtual RgbD radiance(const Vec3d& direction) const;
-  // Power-like weight for choosing between lights; scale-free comparisons only.
+  // Power-like weight for choosing between lights [W], those at infinity as if the scene were 1 m^2
+  // across; scale-free comparisons only.
   virtual double importance() const = 0;
   // A point at the light's centre, for tables of optical depth; direction of travel for directional ones.
   virtual Vec3d centre() const = 0;
   // Where point-like and area lights may touch: the box of the emitter, empty for infinite ones.
   virtual Box3d bounds() const = 0;
+  // What the light's answers depend on, images by their pixels.
+  virtual void add_to(FingerprintBuilder& fingerprint) const = 0;
 };
 
 // Which light a triangle belongs to, so that a BRDF sample that hits it can be weighted.
@@ -78,8 +82,9 @@ struct EmitterTriangle {
 
 // `unit` is metres per scene unit, `up` the scene's up axis. Reads an environment's image.
 std::unique_ptr<Light> make_light(const LightDescription& description, double unit, const Vec3d& up);
-// All triangles of one emissive material; uniform over their area.
+// All triangles of one emissive material; uniform over their area, or over the solid angle where they
+// are two that make a rectangle.
 std::unique_ptr<Light> make_mesh_light(std::vector<EmitterTriangle> triangles, const Rgb& radiance,
-                                       bool two_sided);
+                                       bool two_sided, double unit);
 
 }  // namespace brume
