@@ -75,8 +75,8 @@ class Gatherer {
   // A pure function of the world, options, point and light. Adds to `counters`.
   GatherResult gather(const GatherPoint& point, const HitLight& light, Counters& counters);
 
-  // Gradients of other modes from the samples of the last gather().
-  GradientTerms gradient(GradientMode mode) const;
+  // Gradients of another mode from the samples of the last gather(), which ran in mode Full.
+  GradientTerms gradient(GradientMode mode);
 
  private:
   struct Impl;

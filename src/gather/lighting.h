@@ -16,6 +16,11 @@ namespace brume {
 
 enum class LightDepth { Volumes, Exact };
 
+// From p to just short of the light, whose own surface must not shadow it.
+inline ShadowRay shadow_ray(const Vec3d& p, const LightSample& sample) {
+  return {p, sample.direction, sample.distance * (1 - 1e-5)};
+}
+
 struct LightingOptions {
   LightDepth depth = LightDepth::Volumes;
   double target_error = 0.005;  // Of transmittance, rms, for each light volume.

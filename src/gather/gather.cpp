@@ -1,0 +1,482 @@
+#include "gather/gather.h"
+
+#include "core/error.h"
+#include "core/random.h"
+#include "core/sampling.h"
+#include "gather/gather_cells.h"
+#include "gather/medium_source.h"
+#include "gather/surface_light.h"
+#include "vdb_media/ray_marcher.h"
+
+namespace brume {
+namespace {
+
+constexpr int kSourceSamples = 8;  // Of each area light, for the source term at the receiver itself.
+
+// What pass 1 knows of a cell: the direction, what it hit, and that hit's plane.
+struct Cell {
+  Vec3d w{0.0};        // World space.
+  double s = kInfinity;
+  Vec3d q{0.0};        // Along any direction d the hit plane lies at 1/r = q.d; 0 for a miss.
+};
+
+Vec3d perpendicular(const Vec3d& v, const Vec3d& w) { return v - w * v.dot(w); }
+RgbGradient perpendicular(const RgbGradient& g, const Vec3d& w) {
+  return {perpendicular(g.r, w), perpendicular(g.g, w), perpendicular(g.b, w)};
+}
+
+// 1/r at a wall between two cells: the nearer of their hit planes, extended to the wall's direction
+// (gradients.md 4), and no nearer than half the nearer hit.
+double inverse_wall_distance(const Cell& a, const Cell& b, const Vec3d& wall) {
+  const double nearest = std::min(a.s, b.s);
+  if (!(nearest < kInfinity)) return 0;
+  const double inverse = std::max(a.q.dot(wall), b.q.dot(wall));
+  return std::clamp(inverse, 0.0, 2 / nearest);
+}
+
+}  // namespace
+
+const char* gradient_mode_name(GradientMode mode) {
+  switch (mode) {
+    case GradientMode::None: return "none";
+    case GradientMode::WardHeckbert: return "ward-heckbert";
+    case GradientMode::Media: return "media";
+    case GradientMode::Full: return "full";
+  }
+  return "none";
+}
+
+GradientMode parse_gradient_mode(const std::string& name) {
+  for (const GradientMode m : {GradientMode::None, GradientMode::WardHeckbert, GradientMode::Media,
+                               GradientMode::Full})
+    if (name == gradient_mode_name(m)) return m;
+  throw Error(ErrorKind::Usage, "--gradient: '" + printable(name) +
+                                    "' is not a mode: use none, ward-heckbert, media or full");
+}
+
+struct Gatherer::Impl {
+  Impl(const Lighting& l, const Effects& e, const GatherOptions& o)
+      : lighting(l), world(l.world()), effects(e), options(o), marcher(world.medium(), march_options()),
+        surfaces(l), medium(l, e) {}
+
+  MarchOptions march_options() const {
+    MarchOptions m = lighting.march();
+    if (options.step_voxels > 0) m.step_voxels = options.step_voxels;
+    return m;
+  }
+
+  GatherResult gather(const GatherPoint& point, const HitLight& light, Counters& counters);
+  void trace(const GatherPoint& point, const HitLight& light, Counters& counters);
+  void find_walls(bool wanted);
+  void choose_shells();
+  void march_cell(int j, int k, GatherResult& result, Counters& counters);
+  void add_surface(int j, int k, GatherResult& result);
+  RgbGradient radial_term(Counters& counters);
+  RgbGradient wall_term(const std::vector<std::array<RgbD, 4>>& phi) const;
+  RgbGradient moving_medium(Counters& counters);
+  GradientTerms terms_of(GradientMode mode, Counters& counters);
+  double error_estimate() const;
+  Ray ray_of(const Cell& seen) const { return {origin, seen.w}; }
+  RandomStream stream(int of_cell, int use) const {
+    return RandomStream(random_key(key, of_cell, use));
+  }
+
+  const Lighting& lighting;
+  const World& world;
+  Effects effects;
+  GatherOptions options;
+  ShellMarcher marcher;
+  SurfaceLight surfaces;
+  MediumSource medium;
+
+  // Of the gather under way, kept for gradient().
+  HemisphereCells cells;
+  Frame frame{Vec3d(0.0, 0.0, 1.0)};
+  Vec3d origin{0.0};
+  std::uint64_t key = 0;
+  RgbD sigma_here;
+  std::vector<Cell> cell;
+  std::vector<Ray> rays;
+  std::vector<Hit> hits;
+  std::vector<RgbD> total;                        // L of a cell.
+  std::vector<std::array<double, 4>> inverse_r;   // Of a cell's walls: theta low, theta high, phi low, phi high.
+  std::vector<std::array<RgbD, 4>> phi;           // Phi of gradients.md 3 at those walls.
+  std::vector<double> boundaries, jitter;
+  GradientTerms full_terms;
+};
+
+// Pass 1: what each cell sees, and what surfaces send along it.
+void Gatherer::Impl::trace(const GatherPoint& point, const HitLight& light, Counters& counters) {
+  RandomStream turn = stream(-1, 0);
+  cells = HemisphereCells(options.cells_theta, options.cells_phi, 2 * kPi * turn.uniform());
+  frame = Frame(point.normal);
+  origin = point.position + point.normal * point.offset;
+  const int n = cells.count();
+  cell.assign(n, Cell());
+  rays.resize(n);
+  hits.resize(n);
+  for (int j = 0; j < cells.theta_count(); ++j)
+    for (int k = 0; k < cells.phi_count(); ++k) {
+      const int c = cells.index(j, k);
+      cell[c].w = frame.to_world(cells.direction(j, k, stream(c, 0).uniform2())).normalized();
+      rays[c] = ray_of(cell[c]);
+    }
+  world.tracer().intersect(rays, hits);
+  counters.rays += n;
+
+  surfaces.begin(n);
+  for (int c = 0; c < n; ++c) {
+    const Hit& hit = hits[c];
+    if (!hit.is_hit()) continue;
+    cell[c].s = hit.t;
+    const double height = hit.normal.dot(cell[c].w) * hit.t;
+    if (height != 0) cell[c].q = hit.normal / height;
+    RandomStream random = stream(c, 1);
+    surfaces.add(c, hit, cell[c].w, light, random, counters);
+  }
+  surfaces.finish(counters);
+}
+
+void Gatherer::Impl::find_walls(bool wanted) {
+  inverse_r.assign(cells.count(), {});
+  phi.assign(cells.count(), {});
+  if (!wanted) return;
+  const int m = cells.theta_count(), n = cells.phi_count();
+  for (int j = 0; j < m; ++j)
+    for (int k = 0; k < n; ++k) {
+      const int c = cells.index(j, k);
+      if (j > 0) {
+        const int below = cells.index(j - 1, k);
+        inverse_r[c][0] = inverse_r[below][1] = inverse_wall_distance(
+            cell[c], cell[below], frame.to_world(cells.theta_wall_direction(j, k)));
+      }
+      const int before = cells.index(j, (k + n - 1) % n);
+      inverse_r[c][2] = inverse_r[before][3] = inverse_wall_distance(
+          cell[c], cell[before], frame.to_world(cells.phi_wall_direction(j, k)));
+    }
+}
+
+// Boundaries common to all cells (gradients.md 5), over the part of the medium that rays can reach.
+void Gatherer::Impl::choose_shells() {
+  boundaries.clear();
+  double farthest = 0;
+  for (const Cell& c : cell) farthest = std::max(farthest, c.s);
+  const Box3d& box = world.medium().bounds();
+  double begin = 0, end = farthest;
+  if (!world.medium().is_unbounded()) {
+    Vec3d nearest = origin, far = origin;
+    for (int a = 0; a < 3; ++a) {
+      nearest[a] = std::clamp(origin[a], box.min[a], box.max[a]);
+      far[a] = origin[a] - box.min[a] > box.max[a] - origin[a] ? box.min[a] : box.max[a];
+    }
+    begin = (nearest - origin).length();
+    end = std::min(end, (far - origin).length());
+  } else if (!(end < kInfinity)) {
+    // Nothing ends the medium: what lies past 50 mean free paths does not arrive.
+    const double sigma = max_component(world.medium().sigma_t_at(origin));
+    end = sigma > 0 ? 50 / sigma : world.diagonal();
+  }
+  if (!(begin < end)) return;
+  int count = options.shells;
+  if (count == 0) {
+    const double voxels = (end - begin) / world.medium().voxel_size();
+    count = std::clamp(static_cast<int>(voxels / 2), 24, GatherOptions::kMaxAutomaticShells);
+  }
+  for (int i = 0; i <= count; ++i) boundaries.push_back(begin + (end - begin) * i / count);
+  jitter.resize(count);
+}
+
+// Pass 2 for one cell: march it, and add what its shells send.
+void Gatherer::Impl::march_cell(int j, int k, GatherResult& result, Counters& counters) {
+  const int c = cells.index(j, k);
+  const Ray ray = ray_of(cell[c]);
+  const double g = cells.cosine_measure();
+  const bool full = options.gradient == GradientMode::Full;
+  RandomStream random = stream(c, 2);
+  for (double& u : jitter) u = random.uniform();
+  MarchCounters march;
+  marcher.march(ray, boundaries, cell[c].s, jitter, full && effects.heterogeneous, march);
+  counters.march_rays += march.rays;
+  counters.segments += march.segments;
+  const int n = marcher.shell_count();
+  const RgbD reaching = exp_neg(marcher.tau(n));
+  const RgbD from_surface = surfaces.radiance(c) * reaching;
+  total[c] = from_surface;
+  const auto& volumes = world.medium().volumes();
+
+  // sum over volumes of sigma_t (I0 - I1/t), the grad-sigma integral of a ray that ends at t.
+  RgbGradient bend;
+  const auto bend_at = [&](int shell, double t) {
+    RgbGradient b;
+    if (!full || !effects.heterogeneous || !(t > 0)) return b;
+    for (std::size_t v = 0; v < volumes.size(); ++v) {
+      const int vi = static_cast<int>(v);
+      b += outer(volumes[v].sigma_t(), marcher.grad_integral(vi, shell) -
+                                           marcher.grad_moment(vi, shell) * (1 / t));
+    }
+    return b;
+  };
+  RgbGradient bent;  // sum of F_i times bend.
+  const auto add_bent = [&](const RgbD& light, const RgbGradient& b) {
+    for (int ch = 0; ch < 3; ++ch) bent[ch] += b[ch] * light[ch];
+  };
+
+  if (effects.scattering || effects.emission) {
+    const auto& shells =
+        medium.shells(marcher, ray, boundaries, cell[c].s, jitter, random, counters);
+    RgbGradient directional;
+    bend = bend_at(0, boundaries.front());
+    for (int i = 0; i < n; ++i) {
+      const double a = boundaries[i], b = std::min(boundaries[i + 1], cell[c].s);
+      const RgbGradient bend_end = bend_at(i + 1, b);
+      const RgbD f = shells[i].total();
+      if (!is_black(f)) {
+        const double inverse_t = 2 / (a + b);
+        total[c] += f;
+        result.irradiance_media += f * g;
+        result.light_distance += g * luminance(f) * inverse_t;
+        if (full) {
+          for (int wall = 0; wall < 4; ++wall)
+            phi[c][wall] += f * std::max(inverse_t, inverse_r[c][wall]);
+          add_bent(f, (bend + bend_end) * 0.5);
+          if (effects.anisotropic) directional += shells[i].directional * inverse_t;
+        }
+      }
+      bend = bend_end;
+    }
+    if (full && effects.anisotropic)
+      result.terms.directional += perpendicular(directional, cell[c].w) * g;
+  }
+  if (!is_black(from_surface)) {
+    result.irradiance_surface += from_surface * g;
+    result.light_distance += g * luminance(from_surface) / cell[c].s;
+    if (full) {
+      for (int wall = 0; wall < 4; ++wall) phi[c][wall] += from_surface * inverse_r[c][wall];
+      add_bent(from_surface, bend_at(n, cell[c].s));
+    }
+  }
+  if (full) {
+    result.terms.grad_sigma -= perpendicular(bent, cell[c].w) * g;
+    if (surfaces.has_derivatives()) {
+      RgbGradient d = surfaces.direction_derivative(c);
+      for (int ch = 0; ch < 3; ++ch) d[ch] *= reaching[ch] / cell[c].s;
+      result.terms.directional -= perpendicular(d, cell[c].w) * g;
+    }
+  }
+}
+
+// The same for a cell without medium.
+void Gatherer::Impl::add_surface(int j, int k, GatherResult& result) {
+  const int c = cells.index(j, k);
+  total[c] = surfaces.radiance(c);
+  if (is_black(total[c])) return;
+  const double g = cells.cosine_measure();
+  result.irradiance_surface += total[c] * g;
+  result.light_distance += g * luminance(total[c]) / cell[c].s;
+  if (options.gradient != GradientMode::Full) return;
+  for (int wall = 0; wall < 4; ++wall) phi[c][wall] = total[c] * inverse_r[c][wall];
+  if (surfaces.has_derivatives())
+    result.terms.directional -=
+        perpendicular(surfaces.direction_derivative(c), cell[c].w) * (g / cell[c].s);
+}
+
+// T1: sum of W (sigma L - Q), the transfer equation itself (gradients.md 2).
+RgbGradient Gatherer::Impl::radial_term(Counters& counters) {
+  RgbGradient sum;
+  if (is_black(sigma_here) && !effects.emission) return sum;
+  RandomStream random = stream(-1, 1);
+  const bool per_cell = effects.anisotropic;
+  const RgbD q = per_cell ? RgbD()
+                          : medium.source_at(origin, frame.n, kSourceSamples, random, counters);
+  for (int j = 0; j < cells.theta_count(); ++j)
+    for (int k = 0; k < cells.phi_count(); ++k) {
+      const int c = cells.index(j, k);
+      const Vec3d w = frame.to_world(cells.direction_moment(j, k));
+      const RgbD here = per_cell ? medium.source_at(origin, cell[c].w, 1, random, counters) : q;
+      sum += outer(sigma_here * total[c] - here, w);
+    }
+  return sum;
+}
+
+// T2: sum over walls of B (Phi_hi - Phi_lo).
+RgbGradient Gatherer::Impl::wall_term(const std::vector<std::array<RgbD, 4>>& at_walls) const {
+  RgbGradient sum;
+  const int m = cells.theta_count(), n = cells.phi_count();
+  for (int j = 0; j < m; ++j)
+    for (int k = 0; k < n; ++k) {
+      const int c = cells.index(j, k);
+      if (j > 0)
+        sum += outer(at_walls[c][0] - at_walls[cells.index(j - 1, k)][1],
+                     frame.to_world(cells.theta_wall(j, k)));
+      sum += outer(at_walls[c][2] - at_walls[cells.index(j, (k + n - 1) % n)][3],
+                   frame.to_world(cells.phi_wall(j, k)));
+    }
+  return sum;
+}
+
+// The gradient of a medium that moves with the point and that nothing occludes: the integral of
+// Tr (grad Q - Q I0) - f_s I0. Serves as the comparison that [JZJ08] improves on.
+RgbGradient Gatherer::Impl::moving_medium(Counters& counters) {
+  RgbGradient sum;
+  if (!effects.heterogeneous && !effects.scattering) return sum;
+  const double g = cells.cosine_measure();
+  const double h = 0.25 * std::min(world.medium().voxel_size(), 4e-3 * world.diagonal());
+  const auto& volumes = world.medium().volumes();
+  for (int j = 0; j < cells.theta_count(); ++j)
+    for (int k = 0; k < cells.phi_count(); ++k) {
+      const int c = cells.index(j, k);
+      const Ray ray = ray_of(cell[c]);
+      RandomStream random = stream(c, 2);
+      for (double& u : jitter) u = random.uniform();
+      MarchCounters march;
+      marcher.march(ray, boundaries, cell[c].s, jitter, true, march);
+      const int n = marcher.shell_count();
+      const auto shells = medium.shells(marcher, ray, boundaries, cell[c].s, jitter, random, counters);
+      const auto i0 = [&](int shell) {
+        RgbGradient b;
+        for (std::size_t v = 0; v < volumes.size(); ++v)
+          b += outer(volumes[v].sigma_t(), marcher.grad_integral(static_cast<int>(v), shell));
+        return b;
+      };
+      RgbGradient d;
+      for (int i = 0; i < n; ++i) {
+        const double a = boundaries[i], b = std::min(boundaries[i + 1], cell[c].s);
+        const RgbD f = shells[i].total();
+        const RgbGradient bend = (i0(i) + i0(i + 1)) * 0.5;
+        for (int ch = 0; ch < 3; ++ch) d[ch] -= bend[ch] * f[ch];
+        const Vec3d p = ray.at(a + jitter[i] * (b - a));
+        const RgbD weight = exp_neg((marcher.tau(i) + marcher.tau(i + 1)) * 0.5) * (b - a);
+        const auto add_gradient = [&](auto&& q) {
+          for (int axis = 0; axis < 3; ++axis) {
+            Vec3d e(0.0);
+            e[axis] = h;
+            const RgbD slope = (q(p + e) - q(p - e)) / (2 * h) * weight;
+            for (int ch = 0; ch < 3; ++ch) d[ch][axis] += slope[ch];
+          }
+        };
+        if (effects.emission) add_gradient([&](const Vec3d& y) { return medium.emission_at(y); });
+        if (!effects.scattering) continue;
+        for (std::size_t l = 0; l < world.lights().size(); ++l) {
+          const Vec2d u = random.uniform2();
+          if (world.tracer().is_occluded(shadow_ray(p, world.lights()[l]->sample(p, u)))) continue;
+          add_gradient([&](const Vec3d& y) {
+            return medium.unshadowed(y, cell[c].w, static_cast<int>(l), u, counters);
+          });
+        }
+      }
+      const RgbD from_surface = surfaces.radiance(c) * exp_neg(marcher.tau(n));
+      const RgbGradient bend = i0(n);
+      for (int ch = 0; ch < 3; ++ch) d[ch] -= bend[ch] * from_surface[ch];
+      sum += d * g;
+    }
+  return sum;
+}
+
+// Neighbours in azimuth differ by noise and by what changes between them; taking all of it for noise
+// errs on the safe side.
+double Gatherer::Impl::error_estimate() const {
+  double sum = 0;
+  const int n = cells.phi_count();
+  for (int j = 0; j < cells.theta_count(); ++j)
+    for (int k = 0; k < n; ++k) {
+      const double d = luminance(total[cells.index(j, k)] - total[cells.index(j, (k + 1) % n)]);
+      sum += d * d / 2;
+    }
+  return cells.cosine_measure() * std::sqrt(sum);
+}
+
+GatherResult Gatherer::Impl::gather(const GatherPoint& point, const HitLight& light,
+                                    Counters& counters) {
+  GatherResult result;
+  result.light_distance = 0;
+  key = point.key;
+  ++counters.gathers;
+  trace(point, light, counters);
+  const bool full = options.gradient == GradientMode::Full;
+  find_walls(options.gradient != GradientMode::None);
+  total.assign(cells.count(), RgbD());
+  boundaries.clear();
+  if (effects.medium) choose_shells();
+  result.shells = boundaries.empty() ? 0 : static_cast<int>(boundaries.size()) - 1;
+  sigma_here = effects.medium ? world.medium().sigma_t_at(origin) : RgbD();
+
+  const double g = cells.cosine_measure();
+  double inverse_distance = 0;
+  for (int j = 0; j < cells.theta_count(); ++j)
+    for (int k = 0; k < cells.phi_count(); ++k) {
+      const int c = cells.index(j, k);
+      if (boundaries.empty())
+        add_surface(j, k, result);
+      else
+        march_cell(j, k, result, counters);
+      result.rotational += outer(total[c], frame.to_world(cells.rotation_moment(j, k)));
+      if (cell[c].s < kInfinity) inverse_distance += g / cell[c].s;
+    }
+  result.irradiance = result.irradiance_surface + result.irradiance_media;
+  if (full) {
+    result.terms.walls = wall_term(phi);
+    if (!boundaries.empty()) result.terms.radial = radial_term(counters);
+    full_terms = result.terms;
+  } else {
+    result.terms = terms_of(options.gradient, counters);
+  }
+  result.error = error_estimate();
+  result.mean_distance = inverse_distance > 0 ? kPi / inverse_distance : kInfinity;
+  const double light_sum = luminance(result.irradiance);
+  result.light_distance =
+      result.light_distance > 0 ? light_sum / result.light_distance : kInfinity;
+  return result;
+}
+
+GradientTerms Gatherer::Impl::terms_of(GradientMode mode, Counters& counters) {
+  GradientTerms terms;
+  switch (mode) {
+    case GradientMode::None: break;
+    case GradientMode::Full: terms = full_terms; break;
+    case GradientMode::Media:
+      // All of it is the medium's change along the ray.
+      if (!boundaries.empty()) terms.grad_sigma = moving_medium(counters);
+      break;
+    case GradientMode::WardHeckbert:
+      for (int c = 0; c < cells.count(); ++c)
+        for (int wall = 0; wall < 4; ++wall) phi[c][wall] = total[c] * inverse_r[c][wall];
+      terms.walls = wall_term(phi);
+  }
+  return terms;
+}
+
+Gatherer::Gatherer(const Lighting& lighting, const Effects& effects, const GatherOptions& options)
+    : impl_(std::make_unique<Impl>(lighting, effects, options)) {}
+Gatherer::~Gatherer() = default;
+
+GatherResult Gatherer::gather(const GatherPoint& point, const HitLight& light, Counters& counters) {
+  return impl_->gather(point, light, counters);
+}
+
+GradientTerms Gatherer::gradient(GradientMode mode) {
+  Counters counters;
+  return impl_->terms_of(mode, counters);
+}
+
+RgbD direct_irradiance(const Lighting& lighting, const Vec3d& position, const Vec3d& normal,
+                       int samples, std::uint64_t key, Counters& counters) {
+  const World& world = lighting.world();
+  RandomStream random(key);
+  RgbD sum;
+  for (std::size_t l = 0; l < world.lights().size(); ++l) {
+    const Light& light = *world.lights()[l];
+    const int n = light.is_delta() ? 1 : samples;
+    for (int i = 0; i < n; ++i) {
+      const LightSample s = light.sample(position, random.uniform2());
+      const double cosine = normal.dot(s.direction);
+      if (cosine <= 0 || is_black(s.weight)) continue;
+      ++counters.shadow_rays;
+      if (world.tracer().is_occluded(shadow_ray(position, s))) continue;
+      sum += s.weight * lighting.transmittance(static_cast<int>(l), s, position, counters) *
+             (cosine / n);
+    }
+  }
+  return sum;
+}
+
+}  // namespace brume

@@ -1,0 +1,157 @@
+#include "gather/lighting.h"
+
+#include "core/random.h"
+
+namespace brume {
+namespace {
+
+constexpr int kPatches = 4;         // Tables of an area light.
+constexpr int kErrorSamples = 4096;  // Points at which the error is measured.
+
+// Patch centres of an area light: the mean of its samples in each quarter of the sample square. Samples
+// of one quarter are spread symmetrically around it, so the first order of the optical depth's change
+// over the patch averages out.
+std::array<Vec3d, kPatches> patch_centres(const Light& light, const Vec3d& seen_from) {
+  constexpr int kGrid = 4;
+  std::array<Vec3d, kPatches> centres;
+  for (int p = 0; p < kPatches; ++p) {
+    Vec3d sum(0.0);
+    int n = 0;
+    for (int i = 0; i < kGrid * kGrid; ++i) {
+      const Vec2d u((p % 2 + (i % kGrid + 0.5) / kGrid) / 2, (p / 2 + (i / kGrid + 0.5) / kGrid) / 2);
+      const LightSample s = light.sample(seen_from, u);
+      if (!(s.distance < kInfinity) || !(s.distance > 0)) continue;
+      sum += seen_from + s.direction * s.distance;
+      ++n;
+    }
+    centres[p] = n > 0 ? sum / n : light.centre();
+  }
+  return centres;
+}
+
+Vec3d random_point(const Box3d& box, RandomStream& random) {
+  const Vec2d a = random.uniform2();
+  const Vec3d size = box.max - box.min;
+  return {box.min.x + a.x * size.x, box.min.y + a.y * size.y, box.min.z + random.uniform() * size.z};
+}
+
+}  // namespace
+
+Lighting::Lighting(const World& world, const LightingOptions& options)
+    : world_(world), options_(options) {
+  tables_.resize(world.lights().size());
+  const Medium& medium = world.medium();
+  if (options.depth == LightDepth::Exact || !medium.is_heterogeneous()) return;
+  const LightVolumeOptions volume_options{.target_error = options.target_error,
+                                          .threads = options.threads};
+  for (std::size_t l = 0; l < tables_.size(); ++l) {
+    const Light& light = *world.lights()[l];
+    std::vector<LightOrigin> origins;
+    std::vector<Vec3d> centres;
+    switch (light.kind()) {
+      case Light::Kind::Environment: continue;
+      case Light::Kind::Directional:
+        centres = {Vec3d(0.0)};
+        origins = {DirectionOrigin{light.centre()}};
+        break;
+      case Light::Kind::Point:
+      case Light::Kind::Spot:
+        centres = {light.centre()};
+        origins = {PointOrigin{light.centre()}};
+        break;
+      case Light::Kind::Quad:
+      case Light::Kind::Mesh: {
+        const Box3d box = world.medium().bounds();
+        for (const Vec3d& c : patch_centres(light, (box.min + box.max) * 0.5)) {
+          centres.push_back(c);
+          origins.push_back(PointOrigin{c});
+        }
+      }
+    }
+    for (std::size_t i = 0; i < origins.size(); ++i) {
+      Table table{centres[i], {}};
+      for (const Volume& v : medium.volumes())
+        table.volumes.push_back(
+            v.is_homogeneous() ? nullptr
+                               : std::make_unique<LightVolume>(v, origins[i], volume_options));
+      tables_[l].push_back(std::move(table));
+    }
+  }
+  measure_error();
+}
+
+const Lighting::Table& Lighting::table(int light, const Vec3d& point_on_light) const {
+  const std::vector<Table>& tables = tables_[light];
+  std::size_t best = 0;
+  for (std::size_t i = 1; i < tables.size(); ++i)
+    if ((tables[i].centre - point_on_light).length2() <
+        (tables[best].centre - point_on_light).length2())
+      best = i;
+  return tables[best];
+}
+
+RgbD Lighting::exact_depth(const LightSample& sample, const Vec3d& p, Counters& counters) const {
+  MarchCounters march;
+  const RgbD tau = optical_depth(world_.medium(), Ray{p, sample.direction}, {0, sample.distance},
+                                 options_.march, march);
+  counters.march_rays += march.rays;
+  counters.segments += march.segments;
+  return tau;
+}
+
+RgbD Lighting::transmittance(int light, const LightSample& sample, const Vec3d& p,
+                             Counters& counters) const {
+  const Medium& medium = world_.medium();
+  if (medium.is_vacuum()) return RgbD(1);
+  if (tables_[light].empty()) return exp_neg(exact_depth(sample, p, counters));
+  const Ray ray{p, sample.direction};
+  const Table& t = table(light, tables_[light].size() > 1 ? ray.at(sample.distance) : p);
+  RgbD tau;
+  for (std::size_t v = 0; v < medium.volumes().size(); ++v) {
+    const Volume& volume = medium.volumes()[v];
+    if (t.volumes[v] == nullptr) {
+      const Interval inside = clip(ray, volume.world_bounds(), {0, sample.distance});
+      if (!inside.is_empty()) tau += volume.sigma_t() * (inside.end - inside.begin);
+      continue;
+    }
+    // Density ends at the box, so a point outside it sees what the point where its ray enters sees.
+    const Interval inside = clip(ray, volume.density->world_bounds(), {0, sample.distance});
+    if (inside.is_empty()) continue;
+    tau += volume.sigma_t() * t.volumes[v]->density_integral(ray.at(inside.begin));
+    ++counters.light_volume_lookups;
+  }
+  return exp_neg(tau);
+}
+
+void Lighting::measure_error() {
+  const Box3d box = world_.medium().bounds();
+  if (box.isEmpty()) return;
+  RandomStream random(random_key(0x6c69676874ULL));
+  Counters ignored;
+  double sum = 0;
+  int n = 0;
+  for (int i = 0; i < kErrorSamples; ++i) {
+    const int light = i % static_cast<int>(tables_.size());
+    const Vec3d p = random_point(box, random);
+    const Vec2d u = random.uniform2();
+    if (tables_[light].empty() || is_black(world_.medium().sigma_t_at(p))) continue;
+    const LightSample s = world_.lights()[light]->sample(p, u);
+    if (is_black(s.weight)) continue;
+    const double e = luminance(transmittance(light, s, p, ignored)) -
+                     luminance(exp_neg(exact_depth(s, p, ignored)));
+    sum += e * e;
+    ++n;
+    max_error_ = std::max(max_error_, std::abs(e));
+  }
+  rms_error_ = n > 0 ? std::sqrt(sum / n) : 0;
+}
+
+std::size_t Lighting::memory_bytes() const {
+  std::size_t bytes = 0;
+  for (const auto& tables : tables_)
+    for (const Table& t : tables)
+      for (const auto& v : t.volumes) bytes += v ? v->memory_bytes() : 0;
+  return bytes;
+}
+
+}  // namespace brume

@@ -1,0 +1,154 @@
+#include "gather/medium_source.h"
+
+namespace brume {
+namespace {
+
+// Distances along a ray in proportion to 1/d^2 from a point near it (equi-angular, gradients.md 7.5).
+struct EquiAngular {
+  double t0, height, angle_begin, angle_end;
+
+  EquiAngular(const Ray& ray, const Vec3d& point, double a, double b) {
+    t0 = (point - ray.origin).dot(ray.direction);
+    // A floor keeps a ray through the light finite; it is far below any voxel.
+    height = std::max((point - ray.at(t0)).length(), 1e-7 * (b - a));
+    angle_begin = std::atan((a - t0) / height);
+    angle_end = std::atan((b - t0) / height);
+  }
+  double distance(double u) const {
+    return t0 + height * std::tan(angle_begin + u * (angle_end - angle_begin));
+  }
+  double pdf(double t) const {
+    return height / ((angle_end - angle_begin) * (height * height + (t - t0) * (t - t0)));
+  }
+};
+
+double distance_to_segment(const Ray& ray, const Vec3d& point, double a, double b) {
+  const double t = std::clamp((point - ray.origin).dot(ray.direction), a, b);
+  return (point - ray.at(t)).length();
+}
+
+}  // namespace
+
+MediumSource::MediumSource(const Lighting& lighting, const Effects& effects)
+    : lighting_(lighting), effects_(effects) {}
+
+void MediumSource::add_scattering(const ShellMarcher& marcher, int v, int shell, const Ray& ray,
+                                  double a, double b, double jitter, const RgbD& dimming,
+                                  RandomStream& random) {
+  const World& world = lighting_.world();
+  const Volume& volume = world.medium().volumes()[v];
+  const ShellDensity& density = marcher.shell(v, shell);
+  const Vec3d drawn = ray.at(density.t_sample);
+  const RgbD drawn_strength = dimming * volume.sigma_s_at(drawn) * density.integral;
+  for (std::size_t l = 0; l < world.lights().size(); ++l) {
+    const Light& light = *world.lights()[l];
+    const Vec2d u = random.uniform2();
+    Vec3d p = drawn;
+    RgbD strength = drawn_strength;
+    // Close to a point light the 1/d^2 decides where the light comes from, elsewhere the density does.
+    if ((light.kind() == Light::Kind::Point || light.kind() == Light::Kind::Spot) &&
+        distance_to_segment(ray, light.centre(), a, b) < b - a) {
+      const EquiAngular near(ray, light.centre(), a, b);
+      const double t = std::clamp(near.distance(jitter), a, b);
+      p = ray.at(t);
+      strength = dimming * volume.sigma_s_at(p) * (volume.density_at(p) / near.pdf(t));
+    }
+    const LightSample sample = light.sample(p, u);
+    if (is_black(sample.weight) || is_black(strength)) continue;
+    pending_.push_back(
+        {shell, static_cast<int>(l), v, sample, p, strength * sample.weight});
+  }
+}
+
+const std::vector<ShellLight>& MediumSource::shells(const ShellMarcher& marcher, const Ray& ray,
+                                                    std::span<const double> boundaries,
+                                                    double t_end, std::span<const double> jitter,
+                                                    RandomStream& random, Counters& counters) {
+  const auto& volumes = lighting_.world().medium().volumes();
+  const int n = marcher.shell_count();
+  shells_.assign(n, ShellLight());
+  pending_.clear();
+  for (int i = 0; i < n; ++i) {
+    const double a = boundaries[i], b = std::min(boundaries[i + 1], t_end);
+    const RgbD tau = marcher.tau(i), depth = marcher.tau(i + 1) - tau;
+    // exp(-tau) (1 - exp(-depth)) / depth: exact for a source in proportion to density.
+    const RgbD dimming = RgbD(one_minus_exp_over(depth.r), one_minus_exp_over(depth.g),
+                              one_minus_exp_over(depth.b)) * exp_neg(tau);
+    for (std::size_t v = 0; v < volumes.size(); ++v) {
+      const Volume& volume = volumes[v];
+      const ShellDensity& density = marcher.shell(static_cast<int>(v), i);
+      if (effects_.scattering && volume.scatters() && density.integral > 0)
+        add_scattering(marcher, static_cast<int>(v), i, ray, a, b, jitter[i], dimming, random);
+      if (!volume.emits()) continue;
+      if (volume.emission.mode == Emission::Mode::Grid) {
+        // Fire without smoke glows too: drawn evenly, not by density.
+        shells_[i].emitted += dimming * volume.emission_at(ray.at(a + jitter[i] * (b - a))) * (b - a);
+      } else if (density.integral > 0) {
+        const Vec3d p = ray.at(density.t_sample);
+        const double rho = volume.density_at(p);
+        if (rho > 0) shells_[i].emitted += dimming * volume.emission_at(p) * (density.integral / rho);
+      }
+    }
+  }
+  if (pending_.empty()) return shells_;
+
+  shadow_rays_.clear();
+  for (const Pending& p : pending_) shadow_rays_.push_back(shadow_ray(p.position, p.sample));
+  occluded_.resize(pending_.size());
+  lighting_.world().tracer().is_occluded(shadow_rays_, occluded_);
+  counters.medium_shadow_rays += pending_.size();
+  const Vec3d towards_receiver = -ray.direction;
+  for (std::size_t i = 0; i < pending_.size(); ++i) {
+    if (occluded_[i]) continue;
+    const Pending& p = pending_[i];
+    const RgbD light = p.strength * lighting_.transmittance(p.light, p.sample, p.position, counters);
+    const HenyeyGreenstein& phase = volumes[p.volume].phase;
+    const Vec3d travel = -p.sample.direction;
+    shells_[p.shell].scattered += light * phase.eval(travel, towards_receiver);
+    if (!phase.is_isotropic())
+      shells_[p.shell].directional +=
+          outer(light * phase.derivative(travel, towards_receiver), travel);
+  }
+  return shells_;
+}
+
+RgbD MediumSource::unshadowed(const Vec3d& p, const Vec3d& w, int light, const Vec2d& u,
+                              Counters& counters) const {
+  const World& world = lighting_.world();
+  const LightSample s = world.lights()[light]->sample(p, u);
+  if (is_black(s.weight)) return {};
+  RgbD strength;
+  for (const Volume& v : world.medium().volumes())
+    if (v.scatters())
+      strength += v.sigma_s_at(p) * (v.density_at(p) * v.phase.eval(-s.direction, -w));
+  if (is_black(strength)) return {};
+  return strength * s.weight * lighting_.transmittance(light, s, p, counters);
+}
+
+RgbD MediumSource::emission_at(const Vec3d& p) const {
+  RgbD sum;
+  for (const Volume& v : lighting_.world().medium().volumes())
+    if (v.emits()) sum += v.emission_at(p);
+  return sum;
+}
+
+RgbD MediumSource::source_at(const Vec3d& p, const Vec3d& w, int samples, RandomStream& random,
+                             Counters& counters) const {
+  const World& world = lighting_.world();
+  RgbD sum = emission_at(p);
+  if (!effects_.scattering) return sum;
+  for (std::size_t l = 0; l < world.lights().size(); ++l) {
+    const Light& light = *world.lights()[l];
+    const int n = light.is_delta() ? 1 : samples;
+    for (int i = 0; i < n; ++i) {
+      const Vec2d u = random.uniform2();
+      const RgbD q = unshadowed(p, w, static_cast<int>(l), u, counters);
+      if (is_black(q)) continue;
+      ++counters.medium_shadow_rays;
+      if (!world.tracer().is_occluded(shadow_ray(p, light.sample(p, u)))) sum += q / double(n);
+    }
+  }
+  return sum;
+}
+
+}  // namespace brume

@@ -1,0 +1,85 @@
+#include "gather/surface_light.h"
+
+namespace brume {
+namespace {
+
+// d/dw of the glossy lobe for wo = -w, by central differences: the lobe is smooth on this scale down to
+// the roughness that records take.
+RgbGradient lobe_derivative(const Material& material, const Vec3d& n, const Vec3d& wi,
+                            const Vec3d& w) {
+  constexpr double kStep = 1e-4;
+  const Frame frame(w);
+  RgbGradient g;
+  for (const Vec3d& e : {frame.u, frame.v}) {
+    const RgbD ahead = eval_specular(material, n, wi, -(w + e * kStep).normalized());
+    const RgbD behind = eval_specular(material, n, wi, -(w - e * kStep).normalized());
+    g += outer((ahead - behind) / (2 * kStep), e);
+  }
+  return g;
+}
+
+}  // namespace
+
+void SurfaceLight::begin(std::size_t cells) {
+  radiance_.assign(cells, RgbD());
+  derivative_.assign(cells, RgbGradient());
+  pending_.clear();
+  has_derivatives_ = false;
+}
+
+void SurfaceLight::add(std::size_t cell, const Hit& hit, const Vec3d& w, const HitLight& light,
+                       RandomStream& random, Counters& counters) {
+  const World& world = lighting_.world();
+  const Material& material = world.material(hit);
+  if (!material.direct) radiance_[cell] += world.emission(hit, -w);
+  if (!light.reflect || !material.reflects()) return;
+  const bool from_front = hit.normal.dot(w) < 0;
+  const Vec3d n = from_front ? hit.shading_normal : -hit.shading_normal;
+  const Vec3d ng = from_front ? hit.normal : -hit.normal;
+  const Vec3d p = hit.position + ng * hit.offset;
+
+  for (std::size_t l = 0; l < world.lights().size(); ++l) {
+    const LightSample s = world.lights()[l]->sample(p, random.uniform2());
+    const double cosine = n.dot(s.direction);
+    if (is_black(s.weight) || cosine <= 0 || ng.dot(s.direction) <= 0) continue;
+    const RgbD incident = s.weight * cosine;
+    Pending pending{cell, static_cast<int>(l), s, p,
+                    eval_brdf(material, n, s.direction, -w) * incident, {}};
+    if (material.is_glossy()) {
+      const RgbGradient d = lobe_derivative(material, n, s.direction, w);
+      for (int c = 0; c < 3; ++c) pending.derivative[c] = d[c] * incident[c];
+      has_derivatives_ = true;
+    }
+    pending_.push_back(pending);
+  }
+  if (light.cache == nullptr) return;
+  // Deeper light comes as irradiance: a glossy lobe reflects it as if it came evenly.
+  IrradianceQuery query{light.layer, hit.position, n, light.min_radius};
+  InterpolatedIrradiance e = light.cache->irradiance(query);
+  ++counters.cache_queries;
+  counters.cache_clamps += e.clamped;
+  for (int widen = 0; e.records == 0 && widen < 4; ++widen) {
+    query.min_radius = 3 * std::max(query.min_radius, 1e-3 * world.diagonal());
+    e = light.cache->irradiance(query);
+    if (widen == 0) ++counters.cache_misses;
+  }
+  radiance_[cell] += e.irradiance * (RgbD(material.albedo) + RgbD(material.specular)) * kInvPi;
+}
+
+void SurfaceLight::finish(Counters& counters) {
+  shadow_rays_.clear();
+  for (const Pending& p : pending_) shadow_rays_.push_back(shadow_ray(p.origin, p.sample));
+  occluded_.resize(pending_.size());
+  lighting_.world().tracer().is_occluded(shadow_rays_, occluded_);
+  counters.shadow_rays += pending_.size();
+  for (std::size_t i = 0; i < pending_.size(); ++i) {
+    if (occluded_[i]) continue;
+    const Pending& p = pending_[i];
+    const RgbD t = lighting_.transmittance(p.light, p.sample, p.origin, counters);
+    radiance_[p.cell] += p.reflected * t;
+    if (has_derivatives_)
+      for (int c = 0; c < 3; ++c) derivative_[p.cell][c] += p.derivative[c] * t[c];
+  }
+}
+
+}  // namespace brume
