@@ -20,7 +20,13 @@ struct CacheHeader {
   Vec3d origin{0.0};       // What record positions are relative to.
   std::string settings;    // Bake settings as one line of JSON, for people and `inspect`.
   std::string creator;     // Program and version; no clock, host or path.
+  int format_minor = 0;    // Set by reading.
+
+  // Longer ones are an Error(Internal) of CacheWriter; control characters too.
+  static constexpr std::size_t kMaxSettingsBytes = 3064, kMaxCreatorBytes = 32;
 };
+
+inline constexpr int kCacheFormatVersion = 1;
 
 struct CacheContents {
   CacheHeader header;
@@ -29,15 +35,18 @@ struct CacheContents {
   bool is_complete = false;  // Has a valid footer.
 };
 
+// Corrupt: ours, and damaged or unfinished; Foreign: not ours, of another major version, or no regular
+// file. Loaded is a complete file whose every byte and value was checked.
 enum class CacheState { Loaded, Missing, Stale, Corrupt, Foreign };
 struct CacheOpening {
   CacheState state = CacheState::Missing;
-  std::string reason;  // One line, for all but Loaded.
-  CacheContents contents;
+  std::string reason;      // One line without the file's name, for all but Loaded.
+  CacheContents contents;  // When Corrupt, what precedes the damage: a part file's valid prefix.
 };
 
-// Never throws for what a file holds. `expected`: a different fingerprint is Stale. Allocates at most what
-// the file's size allows.
+// Never throws for what a file holds; throws Error(InvalidInput) for one that may not be opened and
+// Error(Resource) when reading fails. `expected`: a different fingerprint is Stale. Allocates at most what
+// the file's size allows. Never blocks on a FIFO or device.
 CacheOpening open_cache(const std::filesystem::path& file, const std::optional<Fingerprint>& expected);
 
 // What a file holds however damaged: the longest valid chain (for inspect --deep).
@@ -49,17 +58,25 @@ struct CacheCheck {
 CacheCheck check_cache(const std::filesystem::path& file);
 
 // Writes FILE.part, block by block, then renames it to FILE. A file is a pure function of what is passed
-// in. Throws Error(Resource) naming path and bytes; the part is then a valid prefix.
+// in. Throws Error(Resource) naming path and bytes; the part then stays, as a valid prefix, and every later
+// call fails. The process must ignore SIGXFSZ to get that error for a file size limit.
 class CacheWriter {
  public:
+  // Creates and locks FILE.part, or takes over one whose writer is dead. Throws Error(Stopped) while
+  // another process, or another writer of this one, holds it.
   CacheWriter(const std::filesystem::path& file, const CacheHeader& header);
-  ~CacheWriter();  // Without finish() the part is removed.
+  // Without finish(), leave() or an error the part is removed.
+  ~CacheWriter();
+  CacheWriter(CacheWriter&&) noexcept;
+  CacheWriter& operator=(CacheWriter&&) noexcept;
 
   // Once it returns, the records survive a killed process; `records` in RecordOrder, all of one layer and
-  // wave. Cut into blocks of at most kBlockRecords.
+  // wave, none with a record_fault() (else Error(Internal)). Cut into blocks of at most kBlockRecords.
   void seal(const std::vector<SurfaceRecord>& records);
   // Footer, fsync, rename, fsync of the folder.
   void finish();
+  // Stops here and keeps the part: synced, unlocked, a valid prefix for a later run.
+  void leave();
 
   static constexpr std::size_t kBlockRecords = 8192;
 

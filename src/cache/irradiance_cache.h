@@ -11,9 +11,15 @@
 #include <vector>
 
 #include "cache/record.h"
+#include "cache/record_index.h"
 #include "core/math.h"
 
 namespace brume {
+
+// The largest angle between normals that a record bridges (cosine).
+inline constexpr double kMaxNormalCosine = 0.8;
+// How far behind a record's surface, in parts of its smaller radius, a query may lie (rounding, bumps).
+inline constexpr double kBehindTolerance = 0.05;
 
 // One record's part in an answer.
 struct RecordWeight {
@@ -36,7 +42,8 @@ struct IrradianceQuery {
   double min_radius = 0;  // Records act as if their radii were at least this (a pixel's footprint).
 };
 
-// Frozen: built once from records in RecordOrder, then queried from any thread.
+// Frozen: built once from records in RecordOrder (others are sorted first), then queried from any thread.
+// Records with a record_fault() are kept and never answer.
 class IrradianceCache {
  public:
   IrradianceCache() : IrradianceCache({}, Vec3d(0.0)) {}
@@ -49,29 +56,17 @@ class IrradianceCache {
   //   e = max(sqrt((d.e1/R1)^2 + (d.e2/R2)^2 + (d.n/Rmin)^2), sqrt((1 - n.n') / (1 - cos_max))),
   // weight 1 - e, skipping records that look at the query from behind. Sums run in record order.
   InterpolatedIrradiance irradiance(const IrradianceQuery& query) const;
-  // Whether some record answers with error below `max_error`; stops at the first.
+  // Whether some record answers with error below `max_error` (at most 1); stops at the first.
   bool covers(const IrradianceQuery& query, double max_error = 1) const;
   // Who answers, in record order (inspect --at).
   std::vector<RecordWeight> explain(const IrradianceQuery& query) const;
 
  private:
-  struct Node {
-    float min[3], max[3];
-    std::uint32_t first, count;  // count 0: inner, children at first and first + 1.
-  };
-  struct LayerIndex {
-    std::vector<Node> nodes;
-    std::vector<std::uint32_t> order;
-  };
-  template <typename Visit>
-  void visit(const IrradianceQuery& query, Visit&& visit) const;
+  const RecordIndex* layer(int layer) const;  // Null for a layer without records.
 
   std::vector<SurfaceRecord> records_;
   Vec3d origin_;
-  std::vector<LayerIndex> layers_;
+  std::vector<RecordIndex> layers_;
 };
-
-// The largest angle between normals that a record bridges (cosine).
-inline constexpr double kMaxNormalCosine = 0.8;
 
 }  // namespace brume

@@ -32,6 +32,10 @@ inline std::uint32_t record_flags(int layer, int wave) {
   return static_cast<std::uint32_t>(layer & 0xff) | static_cast<std::uint32_t>(wave & 0xff) << 8;
 }
 
+// What is wrong with a record's values (in a few words), or null: finite, unit normal, nothing negative,
+// positive radii. The file refuses such records in both directions and no index answers with one.
+const char* record_fault(const SurfaceRecord& record);
+
 // A record's place in the one order that every file and every sum uses: layer, wave, key.
 struct RecordOrder {
   bool operator()(const SurfaceRecord& a, const SurfaceRecord& b) const {

@@ -1,0 +1,280 @@
+#include "cache/cache_layout.h"
+
+#include <algorithm>
+#include <cstddef>
+#include <cstring>
+#include <span>
+
+#include "core/error.h"
+
+namespace brume::cache_layout {
+namespace {
+
+// Like PNG's: bytes that a transfer as text, to 7 bits or with other line ends, would change.
+constexpr unsigned char kMagic[8] = {0x89, 'I', 'R', 'C', '\r', '\n', 0x1a, '\n'};
+constexpr char kBlockMagic[4] = {'I', 'R', 'C', 'B'}, kFooterMagic[4] = {'I', 'R', 'C', 'F'};
+constexpr std::uint32_t kEndianMark = 0x01020304;
+
+// Offsets in the file header.
+constexpr std::size_t kVersionAt = 8, kEndianAt = 12, kHeaderBytesAt = 16, kBlockRecordsAt = 20,
+                      kKindBytesAt = 24, kRequiredAt = 40, kFieldCountAt = 44, kFingerprintAt = 48,
+                      kOriginAt = 64, kSettingsBytesAt = 88, kCreatorAt = 96, kSchemaAt = 128,
+                      kSettingsAt = 1024, kSumAt = kHeaderBytes - 8;
+constexpr std::size_t kCreatorBytes = kSchemaAt - kCreatorAt, kFieldBytes = 40,
+                      kMaxFields = (kSettingsAt - kSchemaAt) / kFieldBytes;
+static_assert(CacheHeader::kMaxSettingsBytes == kSumAt - kSettingsAt);
+static_assert(CacheHeader::kMaxCreatorBytes == kCreatorBytes);
+
+struct Field {
+  const char* name;  // At most 15 characters.
+  const char* unit;  // At most 11.
+  const char* type;  // At most 3.
+  RecordKind kind;
+  std::size_t offset, count;
+};
+#define BRUME_FIELD(name, unit, type, count) \
+  Field { #name, unit, type, RecordKind::Surface, offsetof(SurfaceRecord, name), count }
+constexpr Field kFields[] = {
+    BRUME_FIELD(position, "world", "f32", 3),      BRUME_FIELD(normal, "1", "f32", 3),
+    BRUME_FIELD(irradiance, "W/m^2", "f32", 3),    BRUME_FIELD(gradient, "W/m^2/world", "f32", 9),
+    BRUME_FIELD(rotational, "W/m^2", "f32", 6),    BRUME_FIELD(axis, "rad", "f32", 1),
+    BRUME_FIELD(radius, "world", "f32", 2),        BRUME_FIELD(error, "W/m^2", "f32", 1),
+    BRUME_FIELD(media_share, "1", "f32", 1),       BRUME_FIELD(flags, "bits", "u32", 1),
+    BRUME_FIELD(key, "hash", "u64", 1),
+};
+#undef BRUME_FIELD
+static_assert(std::size(kFields) <= kMaxFields);
+
+template <typename T>
+void put(unsigned char* bytes, std::size_t at, const T& value) {
+  static_assert(std::is_trivially_copyable_v<T>);
+  std::memcpy(bytes + at, &value, sizeof value);
+}
+template <typename T>
+T get(const unsigned char* bytes, std::size_t at) {
+  T value;
+  std::memcpy(&value, bytes + at, sizeof value);
+  return value;
+}
+
+void put_schema(unsigned char* bytes) {
+  for (const Field& field : kFields) {
+    std::memcpy(bytes, field.name, std::strlen(field.name));
+    std::memcpy(bytes + 16, field.unit, std::strlen(field.unit));
+    std::memcpy(bytes + 28, field.type, std::strlen(field.type));
+    put(bytes, 32, static_cast<std::uint16_t>(field.kind));
+    put(bytes, 34, static_cast<std::uint16_t>(field.offset));
+    put(bytes, 36, static_cast<std::uint16_t>(field.count));
+    bytes += kFieldBytes;
+  }
+}
+
+bool is_text(const std::string& text) {
+  return std::all_of(text.begin(), text.end(), [](char c) {
+    return static_cast<unsigned char>(c) >= 0x20 && c != 0x7f;
+  });
+}
+
+bool begins_with(const std::vector<unsigned char>& bytes, std::initializer_list<int> start) {
+  return bytes.size() >= start.size() && std::equal(start.begin(), start.end(), bytes.begin());
+}
+
+// Why the first eight bytes are not the magic; empty where they are.
+std::pair<CacheState, std::string> check_magic(const std::vector<unsigned char>& bytes) {
+  const std::size_t present = std::min(bytes.size(), sizeof kMagic);
+  if (std::equal(kMagic, kMagic + present, bytes.begin())) {
+    if (present == sizeof kMagic) return {CacheState::Loaded, ""};
+    return {CacheState::Corrupt, bytes.empty() ? "the file is empty" : "the file ends in its header"};
+  }
+  if (begins_with(bytes, {0x89, 'I', 'R', 'C', '\n', 0x1a}) ||
+      begins_with(bytes, {0x89, 'I', 'R', 'C', '\r', '\r', '\n'}) ||
+      begins_with(bytes, {0x89, 'I', 'R', 'C', '\r', 0x1a}) ||
+      begins_with(bytes, {0x89, 'I', 'R', 'C', '\r', '\n', 0x1a, '\r'}) ||
+      begins_with(bytes, {0x09, 'I', 'R', 'C'}))
+    return {CacheState::Corrupt, "damaged by a transfer as text; transfer it as binary"};
+  return {CacheState::Foreign, "not a brume cache"};
+}
+
+}  // namespace
+
+HeaderBytes encode_header(const CacheHeader& header) {
+  if (header.settings.size() > CacheHeader::kMaxSettingsBytes || !is_text(header.settings))
+    throw Error(ErrorKind::Internal,
+                "cache header: settings must be one line of at most " +
+                    std::to_string(CacheHeader::kMaxSettingsBytes) + " bytes, not " +
+                    std::to_string(header.settings.size()));
+  if (header.creator.size() > kCreatorBytes || !is_text(header.creator))
+    throw Error(ErrorKind::Internal, "cache header: creator must be one line of at most " +
+                                         std::to_string(kCreatorBytes) + " bytes");
+  if (!is_finite(header.origin))
+    throw Error(ErrorKind::Internal, "cache header: origin is not finite");
+  HeaderBytes result{};
+  unsigned char* bytes = result.data();
+  std::copy(std::begin(kMagic), std::end(kMagic), bytes);
+  put(bytes, kVersionAt, kMajor);
+  put(bytes, kVersionAt + 2, kMinor);
+  put(bytes, kEndianAt, kEndianMark);
+  put(bytes, kHeaderBytesAt, static_cast<std::uint32_t>(kHeaderBytes));
+  put(bytes, kBlockRecordsAt, static_cast<std::uint32_t>(CacheWriter::kBlockRecords));
+  put(bytes, kKindBytesAt, static_cast<std::uint32_t>(sizeof(SurfaceRecord)));
+  put(bytes, kFieldCountAt, static_cast<std::uint32_t>(std::size(kFields)));
+  put(bytes, kFingerprintAt, header.fingerprint.words);
+  for (std::size_t a = 0; a < 3; ++a)
+    put(bytes, kOriginAt + 8 * a, header.origin[static_cast<int>(a)]);
+  put(bytes, kSettingsBytesAt, static_cast<std::uint32_t>(header.settings.size()));
+  std::copy(header.creator.begin(), header.creator.end(), bytes + kCreatorAt);
+  put_schema(bytes + kSchemaAt);
+  std::copy(header.settings.begin(), header.settings.end(), bytes + kSettingsAt);
+  put(bytes, kSumAt, hash64(bytes, kSumAt));
+  return result;
+}
+
+std::uint64_t header_sum(const HeaderBytes& bytes) {
+  return get<std::uint64_t>(bytes.data(), kSumAt);
+}
+
+BlockHeaderBytes encode_block_header(const BlockHeader& block) {
+  BlockHeaderBytes result{};
+  unsigned char* bytes = result.data();
+  put(bytes, 0, kBlockMagic);
+  put(bytes, 4, block.kind);
+  put(bytes, 5, block.layer);
+  put(bytes, 6, block.wave);
+  put(bytes, 7, block.flags);
+  put(bytes, 8, block.count);
+  put(bytes, 12, block.sequence);
+  put(bytes, 16, static_cast<std::uint32_t>(block.offset / kOffsetUnit));
+  put(bytes, 20, block.cumulative);
+  put(bytes, 24, block.first_key);
+  put(bytes, 32, block.last_key);
+  put(bytes, 40, block.previous);
+  put(bytes, 48, block.payload_sum);
+  put(bytes, 56, hash64(bytes, 56));
+  return result;
+}
+
+std::uint64_t block_header_sum(const BlockHeaderBytes& bytes) {
+  return get<std::uint64_t>(bytes.data(), 56);
+}
+
+std::vector<unsigned char> encode_tail(const std::vector<BlockHeader>& blocks,
+                                       const std::vector<std::uint64_t>& block_sums,
+                                       std::uint64_t end) {
+  std::vector<unsigned char> result(blocks.size() * kIndexEntryBytes + kFooterBytes, 0);
+  std::uint64_t records = 0;
+  for (std::size_t i = 0; i < blocks.size(); ++i) {
+    const BlockHeader& block = blocks[i];
+    unsigned char* entry = result.data() + i * kIndexEntryBytes;
+    put(entry, 0, block.offset);
+    put(entry, 8, block.first_key);
+    put(entry, 16, block.last_key);
+    put(entry, 24, block.count);
+    put(entry, 28, block.kind);
+    put(entry, 29, block.layer);
+    put(entry, 30, block.wave);
+    put(entry, 31, block.flags);
+    records += block.count;
+  }
+  const std::size_t index_bytes = blocks.size() * kIndexEntryBytes;
+  unsigned char* footer = result.data() + index_bytes;
+  put(footer, 0, kFooterMagic);
+  put(footer, 4, static_cast<std::uint32_t>(blocks.size()));
+  put(footer, 8, records);
+  put(footer, 16, end);                   // Where the index starts.
+  put(footer, 24, end + result.size());   // The file's size.
+  put(footer, 32, hash64(block_sums.data(), block_sums.size() * sizeof(std::uint64_t)));
+  put(footer, 40, hash64(result.data(), index_bytes));
+  put(footer, 120, hash64(footer, 120));
+  return result;
+}
+
+HeaderReading decode_header(const std::vector<unsigned char>& file) {
+  HeaderReading result;
+  const auto refuse = [&](CacheState state, const std::string& reason) {
+    result.state = state;
+    result.reason = reason;
+    return result;
+  };
+  const auto [state, reason] = check_magic(file);
+  if (state != CacheState::Loaded) return refuse(state, reason);
+  if (file.size() < kHeaderBytes) return refuse(CacheState::Corrupt, "the file ends in its header");
+  const unsigned char* bytes = file.data();
+  // The version and the endian mark come before the sum: another major version may sum other bytes.
+  const auto major = get<std::uint16_t>(bytes, kVersionAt);
+  const auto endian = get<std::uint32_t>(bytes, kEndianAt);
+  if (endian != kEndianMark && endian == 0x04030201)
+    return refuse(CacheState::Foreign, "written in big-endian byte order");
+  if (major != kMajor)
+    return refuse(CacheState::Foreign, "format version " + std::to_string(major) +
+                                           "; this brume reads version " + std::to_string(kMajor));
+  if (get<std::uint64_t>(bytes, kSumAt) != hash64(bytes, kSumAt))
+    return refuse(CacheState::Corrupt, "the header's checksum does not match");
+
+  // From here on the bytes are those some program meant to write.
+  if (endian != kEndianMark) return refuse(CacheState::Foreign, "unknown byte order");
+  if (get<std::uint32_t>(bytes, kHeaderBytesAt) != kHeaderBytes)
+    return refuse(CacheState::Foreign, "its header is not of 4096 bytes");
+  if (get<std::uint32_t>(bytes, kRequiredAt) != 0)
+    return refuse(CacheState::Foreign, "needs features of a newer brume");
+  const auto block_records = get<std::uint32_t>(bytes, kBlockRecordsAt);
+  if (block_records == 0 || block_records > CacheWriter::kBlockRecords)
+    return refuse(CacheState::Foreign,
+                  "blocks of " + std::to_string(block_records) + " records are not readable");
+  for (std::size_t k = 0; k < kKinds; ++k)
+    result.record_bytes[k] = get<std::uint32_t>(bytes, kKindBytesAt + 4 * k);
+  if (result.record_bytes[0] != sizeof(SurfaceRecord))
+    return refuse(CacheState::Foreign,
+                  "records of " + std::to_string(result.record_bytes[0]) + " bytes, not 128");
+  for (const std::uint32_t size : result.record_bytes)
+    if (size > 65536 || size % kOffsetUnit != 0)
+      return refuse(CacheState::Foreign, "records of " + std::to_string(size) + " bytes");
+  // Fields of other kinds may follow ours, or come with a newer minor version.
+  const auto fields = get<std::uint32_t>(bytes, kFieldCountAt);
+  unsigned char schema[std::size(kFields) * kFieldBytes] = {};
+  put_schema(schema);
+  if (fields < std::size(kFields) || fields > kMaxFields ||
+      !std::equal(std::begin(schema), std::end(schema), bytes + kSchemaAt))
+    return refuse(CacheState::Foreign, "its records have other fields");
+
+  CacheHeader& header = result.header;
+  header.format_minor = get<std::uint16_t>(bytes, kVersionAt + 2);
+  header.fingerprint.words = get<std::array<std::uint64_t, 2>>(bytes, kFingerprintAt);
+  for (int a = 0; a < 3; ++a)
+    header.origin[a] = get<double>(bytes, kOriginAt + 8 * static_cast<std::size_t>(a));
+  if (!is_finite(header.origin)) return refuse(CacheState::Corrupt, "the origin is not finite");
+  const auto settings_bytes = get<std::uint32_t>(bytes, kSettingsBytesAt);
+  if (settings_bytes > CacheHeader::kMaxSettingsBytes)
+    return refuse(CacheState::Corrupt, "the settings do not fit the header");
+  const auto text = [&](std::size_t at, std::size_t size) {
+    return std::string(reinterpret_cast<const char*>(bytes + at), size);
+  };
+  header.settings = text(kSettingsAt, settings_bytes);
+  header.creator = text(kCreatorAt, kCreatorBytes);
+  header.creator.erase(std::min(header.creator.find('\0'), header.creator.size()));
+  if (!is_text(header.settings) || !is_text(header.creator))
+    return refuse(CacheState::Corrupt, "the header's text holds control characters");
+  return result;
+}
+
+std::optional<BlockHeader> decode_block_header(const BlockHeaderBytes& encoded) {
+  const unsigned char* bytes = encoded.data();
+  if (!std::equal(std::begin(kBlockMagic), std::end(kBlockMagic), bytes) ||
+      get<std::uint64_t>(bytes, 56) != hash64(bytes, 56))
+    return std::nullopt;
+  BlockHeader block;
+  block.kind = bytes[4];
+  block.layer = bytes[5];
+  block.wave = bytes[6];
+  block.flags = bytes[7];
+  block.count = get<std::uint32_t>(bytes, 8);
+  block.sequence = get<std::uint32_t>(bytes, 12);
+  block.offset = get<std::uint32_t>(bytes, 16) * kOffsetUnit;
+  block.cumulative = get<std::uint32_t>(bytes, 20);
+  block.first_key = get<std::uint64_t>(bytes, 24);
+  block.last_key = get<std::uint64_t>(bytes, 32);
+  block.previous = get<std::uint64_t>(bytes, 40);
+  block.payload_sum = get<std::uint64_t>(bytes, 48);
+  return block;
+}
+
+}  // namespace brume::cache_layout

@@ -1,0 +1,106 @@
+// Finds the records of one layer whose support may hold a point: an R-tree of eight-wide nodes, packed
+// along a Morton curve, so that a million records are ready in tens of milliseconds.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "cache/record.h"
+#include "core/math.h"
+
+namespace brume {
+
+// What a query must know of a record to tell whether it answers; 48 bytes, neighbours side by side.
+struct RecordSite {
+  float position[3];
+  float normal[3];
+  float tangent[3];  // Axis of radius[0]; that of radius[1] is normal x tangent.
+  float radius[2];
+  std::uint32_t record;  // Index into the cache's records.
+};
+
+class RecordIndex {
+ public:
+  RecordIndex() = default;
+  // Of records [begin, end) of `records`; those with a fault are left out. Same tree for any number of
+  // threads.
+  RecordIndex(std::span<const SurfaceRecord> records, std::size_t begin, std::size_t end);
+
+  // Calls visit(site) for every site whose support, with radii of at least `min_radius`, may hold `p`
+  // (relative to the cache's origin) and for some others, until it returns false. In no useful order.
+  template <typename Visit>
+  void visit(const Vec3d& p, double min_radius, Visit&& visit) const;
+
+  std::size_t size() const { return sites_.size(); }
+
+ private:
+  static constexpr std::uint32_t kWidth = 8;
+  // The boxes of eight children. A support is the ellipsoid of the two radii and, along the normal, the
+  // smaller; raising radii to m grows a box by at most m - least_radius.
+  struct alignas(32) Node {
+    float min[3][kWidth], max[3][kWidth];
+    float least_radius[kWidth];
+  };
+  // Bit i: `p` lies in child i's box, grown.
+  static unsigned children_at(const Node& node, const float* p, float min_radius);
+
+  std::vector<Node> nodes_;  // Level by level: children of node i of a level are 8i .. 8i + 7 below it.
+  std::vector<std::uint32_t> levels_;  // Where each level starts in nodes_; level 0 holds the sites.
+  std::vector<RecordSite> sites_;      // Along the curve.
+  float least_radius_ = 0;             // Of all; queries below it need not grow boxes.
+};
+
+inline unsigned RecordIndex::children_at(const Node& node, const float* p, float min_radius) {
+  // Plain loops over eight lanes, which every compiler turns into vector compares.
+  std::array<std::uint32_t, kWidth> outside;
+  if (min_radius > 0) {
+    for (std::uint32_t i = 0; i < kWidth; ++i) {
+      // A little more than the difference, for the rounding of p and of the sums.
+      const float lack = min_radius - node.least_radius[i];
+      const float grow = lack > 0 ? lack * 1.000002f : 0.0f;
+      outside[i] = (p[0] < node.min[0][i] - grow) | (p[0] > node.max[0][i] + grow) |
+                   (p[1] < node.min[1][i] - grow) | (p[1] > node.max[1][i] + grow) |
+                   (p[2] < node.min[2][i] - grow) | (p[2] > node.max[2][i] + grow);
+    }
+  } else {
+    for (std::uint32_t i = 0; i < kWidth; ++i)
+      outside[i] = (p[0] < node.min[0][i]) | (p[0] > node.max[0][i]) | (p[1] < node.min[1][i]) |
+                   (p[1] > node.max[1][i]) | (p[2] < node.min[2][i]) | (p[2] > node.max[2][i]);
+  }
+  unsigned inside = 0;
+  for (std::uint32_t i = 0; i < kWidth; ++i) inside |= (outside[i] ^ 1u) << i;
+  return inside;
+}
+
+template <typename Visit>
+void RecordIndex::visit(const Vec3d& point, double min_radius, Visit&& visit) const {
+  if (sites_.empty() || !is_finite(point)) return;
+  const float p[3] = {static_cast<float>(point.x), static_cast<float>(point.y),
+                      static_cast<float>(point.z)};
+  // Rounded up, so that the floats' growth covers the doubles' radii.
+  const float m =
+      min_radius > least_radius_ ? static_cast<float>(min_radius * 1.000001) : 0.0f;
+  struct Entry {
+    std::uint32_t level, node;
+  };
+  // A node adds at most seven entries to what it takes off, on each of at most eleven levels (8^11 > 2^32).
+  std::array<Entry, 11 * kWidth> stack;
+  std::size_t depth = 0;
+  stack[depth++] = {static_cast<std::uint32_t>(levels_.size() - 1), 0};
+  while (depth > 0) {
+    const Entry at = stack[--depth];
+    unsigned inside = children_at(nodes_[levels_[at.level] + at.node], p, m);
+    for (; inside != 0; inside &= inside - 1) {
+      const std::uint32_t child = at.node * kWidth + static_cast<std::uint32_t>(__builtin_ctz(inside));
+      if (at.level > 0) {
+        stack[depth++] = {at.level - 1, child};
+      } else if (child < sites_.size() && !visit(sites_[child])) {
+        return;
+      }
+    }
+  }
+}
+
+}  // namespace brume
