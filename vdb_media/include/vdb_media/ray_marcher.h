@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -50,8 +51,13 @@ struct ShellDensity {
 // one a thread. Results stay valid until the next march().
 class ShellMarcher {
  public:
+  // The Medium must outlive it. Copies share nothing.
   explicit ShellMarcher(const Medium& medium, MarchOptions options);
-  // Copies share nothing; the Medium must outlive them.
+  ~ShellMarcher();
+  ShellMarcher(const ShellMarcher& other);
+  ShellMarcher& operator=(const ShellMarcher& other);
+  ShellMarcher(ShellMarcher&&) noexcept;
+  ShellMarcher& operator=(ShellMarcher&&) noexcept;
 
   // Marches from boundaries.front() to min(boundaries.back(), t_end); shells past t_end are zero and
   // the one that holds t_end is cut there. `boundaries` ascend, at least two. `jitter` has one number
@@ -80,6 +86,12 @@ class ShellMarcher {
   }
 
  private:
+  template <bool kGradients>
+  void march_grid(int volume, const Ray& ray, std::span<const double> jitter,
+                  MarchCounters& counters);
+  void march_homogeneous(int volume, const Ray& ray, std::span<const double> jitter,
+                         MarchCounters& counters);
+
   const Medium* medium_;
   MarchOptions options_;
   int shell_count_ = 0;
@@ -87,7 +99,8 @@ class ShellMarcher {
   std::vector<ShellDensity> shells_;
   std::vector<RgbD> tau_;
   std::vector<Vec3d> i0_, i1_;
-  std::vector<double> knot_t_, knot_integral_;
+  struct Scratch;
+  std::unique_ptr<Scratch> scratch_;
 };
 
 }  // namespace brume

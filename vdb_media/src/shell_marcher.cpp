@@ -1,0 +1,201 @@
+#include <cmath>
+
+#include "march.h"
+#include "vdb_media/ray_marcher.h"
+
+namespace brume {
+namespace {
+
+// The part of a shell's depth x that lies before a place drawn in proportion to transmittance:
+// -log(1 - u (1 - exp(-x))) / x.
+double draw_depth_fraction(double u, double x) {
+  if (x > 0.03) return std::min(1.0, -std::log1p(u * std::expm1(-x)) / x);
+  // Its series, good to 5e-9 there, as most shells are thin and the two functions are dear.
+  const double v = u * (1 - u);
+  return u - x * v * (0.5 - x * (1 - 2 * u) / 6 + x * x * (1 - 6 * v) / 24);
+}
+
+// Where in a segment, from 0 to 1, the integral of mean + change (s - 1/2) reaches `part` of a
+// length.
+double solve_segment(double mean, double change, double part) {
+  const double c = std::clamp(change, -2 * mean, 2 * mean);  // Not below 0 at either end.
+  const double a = mean - 0.5 * c;
+  const double below = a + std::sqrt(std::max(0.0, a * a + 2 * c * part));
+  return below > 0 ? std::min(1.0, 2 * part / below) : 0;
+}
+
+}  // namespace
+
+struct ShellMarcher::Scratch {
+  std::vector<double> edges;  // Of the shells that are marched, the last one cut at t_end.
+  std::vector<double> cuts;   // The same in a grid's parameters.
+  std::vector<Span> spans;
+  Segments segments{64};
+};
+
+ShellMarcher::ShellMarcher(const Medium& medium, MarchOptions options)
+    : medium_(&medium), options_(options), scratch_(std::make_unique<Scratch>()) {}
+ShellMarcher::~ShellMarcher() = default;
+ShellMarcher::ShellMarcher(ShellMarcher&&) noexcept = default;
+ShellMarcher& ShellMarcher::operator=(ShellMarcher&&) noexcept = default;
+ShellMarcher::ShellMarcher(const ShellMarcher& other)
+    : ShellMarcher(*other.medium_, other.options_) {}
+ShellMarcher& ShellMarcher::operator=(const ShellMarcher& other) {
+  return *this = ShellMarcher(other);
+}
+
+// What the grid of one volume adds: cuts spans at the shells' edges, then sums segments shell by
+// shell.
+template <bool kGradients>
+void ShellMarcher::march_grid(int volume, const Ray& ray, std::span<const double> jitter,
+                              MarchCounters& counters) {
+  const Volume& v = medium_->volumes()[volume];
+  const BrickGrid& grid = *v.density;
+  const auto entry = enter(grid, ray, {scratch_->edges.front(), scratch_->edges.back()});
+  if (!entry) return;
+  ++counters.rays;
+
+  std::vector<double>& cuts = scratch_->cuts;
+  std::vector<Span>& spans = scratch_->spans;
+  const double base = entry->ray.base;
+  cuts.clear();
+  for (const double e : scratch_->edges) cuts.push_back(e - base);
+  spans.clear();
+  std::size_t cut = 1;
+  walk_bricks(grid, *entry, [&](std::int32_t top, const Vec3i& corner, double begin, double end) {
+    while (cut < cuts.size() && cuts[cut] <= begin) ++cut;
+    Span span = make_span(grid, top, corner, begin, end);
+    while (true) {
+      span.first_cut = std::int32_t(cut);
+      while (cut < cuts.size() && cuts[cut] < end && cut < std::size_t(span.first_cut) + kMaxCuts)
+        ++cut;
+      span.cut_count = std::int32_t(cut) - span.first_cut;
+      const bool more = cut < cuts.size() && cuts[cut] < end;
+      span.end = more ? cuts[cut] : end;
+      if (span.begin < span.end) spans.push_back(span);
+      if (!more) return;
+      span.begin = cuts[cut++];
+    }
+  });
+  if (spans.empty()) return;
+
+  const SegmentKernel& kernel = choose_kernel(options_.simd);
+  const Field field = make_field(grid, entry->ray, options_);
+  Segments& s = scratch_->segments;
+  s.reserve(spans.size());
+  collect(kernel, field, spans.data(), int(spans.size()), cuts.data(), s);
+  kernel.evaluate(field, kGradients ? Want::Gradients : Want::MeanAndChange, s);
+  set_tiles(s);
+  counters.segments += s.count;
+
+  const double mean_sigma_t = mean_component(v.sigma_t());
+  const RgbD sigma_t = v.sigma_t();
+  ShellDensity* shells = &shells_[volume * stride_];
+  double depth = 0, in_shell = 0;
+  Vec3d i0(0.0), i1(0.0), world_i0(0.0), world_i1(0.0);
+  int first = 0;
+  const auto close = [&](int shell, int end) {
+    if (end > first) {
+      if (in_shell > 0) {
+        shells[shell].integral = in_shell;
+        const double target =
+            in_shell * draw_depth_fraction(jitter[shell], mean_sigma_t * in_shell);
+        double before = 0;
+        int i = first;
+        for (; i + 1 < end; ++i) {
+          const double after = before + double(s.mean[i]) * s.length[i];
+          if (after >= target) break;
+          before = after;
+        }
+        const double part = s.length[i] > 0 ? std::max(0.0, target - before) / s.length[i] : 0;
+        const double t =
+            base + s.begin[i] + s.length[i] * solve_segment(s.mean[i], s.change[i], part);
+        shells[shell].t_sample = std::clamp(t, scratch_->edges[shell], scratch_->edges[shell + 1]);
+        depth += in_shell;
+        in_shell = 0;
+      }
+      if constexpr (kGradients) {
+        world_i0 = grid.world_to_index().transposed_vector(i0);
+        world_i1 = grid.world_to_index().transposed_vector(i1);
+      }
+      first = end;
+    }
+    add_depth(tau_[shell + 1], sigma_t, depth);
+    if constexpr (kGradients) {
+      i0_[volume * stride_ + shell + 1] = world_i0;
+      i1_[volume * stride_ + shell + 1] = world_i1;
+    }
+  };
+  int shell = 0;
+  for (int i = 0; i < s.count; ++i) {
+    while (shell + 1 < shell_count_ && s.begin[i] >= cuts[shell + 1]) close(shell++, i);
+    const double length = s.length[i];
+    in_shell += double(s.mean[i]) * length;
+    if constexpr (kGradients) {
+      const double u = base + s.middle[i];
+      for (int a = 0; a < 3; ++a) {
+        const double g = length * double(s.gradient[a][i]);
+        i0[a] += g;
+        i1[a] += u * g + length * length * double(s.moment[a][i]);
+      }
+    }
+  }
+  while (shell < shell_count_) close(shell++, s.count);
+}
+
+void ShellMarcher::march_homogeneous(int volume, const Ray& ray, std::span<const double> jitter,
+                                     MarchCounters& counters) {
+  const Volume& v = medium_->volumes()[volume];
+  const std::vector<double>& edges = scratch_->edges;
+  const Interval inside = clip_homogeneous(v, ray, {edges.front(), edges.back()});
+  if (inside.is_empty()) return;
+  ++counters.rays;
+  const RgbD sigma_t = v.sigma_t();
+  const double mean_sigma_t = mean_component(sigma_t);
+  double depth = 0;
+  for (int shell = 0; shell < shell_count_; ++shell) {
+    const double begin = std::max(edges[shell], inside.begin);
+    const double length = std::min(edges[shell + 1], inside.end) - begin;
+    if (length > 0) {
+      ++counters.segments;
+      depth += length;
+      shells_[volume * stride_ + shell] = {
+          length, begin + length * draw_depth_fraction(jitter[shell], mean_sigma_t * length)};
+    }
+    add_depth(tau_[shell + 1], sigma_t, depth);
+  }
+}
+
+void ShellMarcher::march(const Ray& ray, std::span<const double> boundaries, double t_end,
+                         std::span<const double> jitter, bool want_gradients,
+                         MarchCounters& counters) {
+  const std::size_t volumes = medium_->volumes().size();
+  stride_ = boundaries.size();
+  shells_.assign(volumes * stride_, ShellDensity{});
+  tau_.assign(stride_, RgbD());
+  if (want_gradients) {
+    i0_.assign(volumes * stride_, Vec3d(0.0));
+    i1_.assign(volumes * stride_, Vec3d(0.0));
+  }
+  std::vector<double>& edges = scratch_->edges;
+  edges.clear();
+  for (std::size_t i = 0; i + 1 < boundaries.size() && boundaries[i] < t_end; ++i)
+    edges.push_back(boundaries[i]);
+  shell_count_ = int(edges.size());
+  if (shell_count_ == 0) return;
+  edges.push_back(std::min(boundaries[shell_count_], t_end));
+
+  for (std::size_t v = 0; v < volumes; ++v) {
+    // Where a volume has no density its sample is as good anywhere.
+    for (int s = 0; s < shell_count_; ++s)
+      shells_[v * stride_ + s].t_sample = edges[s] + (edges[s + 1] - edges[s]) * jitter[s];
+    if (medium_->volumes()[v].is_homogeneous())
+      march_homogeneous(int(v), ray, jitter, counters);
+    else if (want_gradients)
+      march_grid<true>(int(v), ray, jitter, counters);
+    else
+      march_grid<false>(int(v), ray, jitter, counters);
+  }
+}
+
+}  // namespace brume
