@@ -1,0 +1,300 @@
+// The data_gen program: writes volumes and scenes with known answers.
+#include <CLI/CLI.hpp>
+#include <array>
+#include <csignal>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+
+#include "core/error.h"
+#include "core/parallel.h"
+#include "data_gen/analytic_field.h"
+#include "data_gen/oracle_scenes.h"
+#include "data_gen/smoky_cornell.h"
+#include "vdb_media/grid_writer.h"
+
+namespace brume {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kExamples = R"(Examples:
+  data_gen smoky-cornell -o out/smoky_cornell
+  data_gen smoky-cornell -o out/small --resolution 64 --size 256
+  data_gen field ball -o ball.vdb --centre 0,0,0 --radius 0.4 --voxel 0.02
+  data_gen field gaussians -o g.vdb --bounds -2,-2,0,2,2,2.5 --background 0.1
+  data_gen field plume -o smoke.vdb --bounds -1,0,-1,1,2,1 --seed 3
+  data_gen oracle scat -o out/oracle
+  data_gen oracle all -o out/oracle --step 0.1
+
+Equal arguments give equal bytes, with any number of threads.)";
+
+Vec3d vec3(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
+
+void make_folder(const fs::path& folder) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error)
+    throw Error(ErrorKind::Resource, folder.string() + ": cannot make the folder: " + error.message() +
+                                         ": choose one that can be written");
+}
+
+void print_files(const std::vector<fs::path>& files) {
+  for (const fs::path& file : files) std::cout << file.string() << "\n";
+}
+
+// A list of three numbers, `x,y,z`.
+CLI::Option* add_vector(CLI::App& app, const std::string& name, std::array<double, 3>& value,
+                        const std::string& help) {
+  return app.add_option(name, value, help)->delimiter(',')->capture_default_str();
+}
+
+// What all fields are sampled with.
+struct GridOptions {
+  std::string file, grid_name = "density";
+  std::array<double, 6> bounds{-1, -1, -1, 1, 1, 1};
+  double voxel = 0.05;
+  bool half = false;
+};
+
+void write_field(const AnalyticField& field, const GridOptions& options, int threads) {
+  const auto& b = options.bounds;
+  const Lattice lattice = covering_lattice({{b[0], b[1], b[2]}, {b[3], b[4], b[5]}}, options.voxel);
+  write_grids(options.file, {{.name = options.grid_name,
+                              .count = lattice.count,
+                              .values = sample_field(field, lattice, threads),
+                              .index_to_world = lattice.index_to_world(),
+                              .save_as_half = options.half}});
+  print_files({options.file});
+}
+
+// One subcommand a field; `bind` adds its options and says how they make the field.
+class FieldCommands {
+ public:
+  FieldCommands(CLI::App& parent, const int& threads) : parent_(parent), threads_(threads) {}
+
+  // `state` holds what the options write into, and outlives parsing.
+  template <typename State>
+  void add(const std::string& name, const std::string& help,
+           void (*bind)(CLI::App&, State&), AnalyticField (*make)(const State&)) {
+    CLI::App* command = parent_.add_subcommand(name, help);
+    auto state = std::make_shared<State>();
+    auto grid = std::make_shared<GridOptions>();
+    bind(*command, *state);
+    command->add_option("-o,--output", grid->file, "The .vdb file to write")->required();
+    command->add_option("--bounds", grid->bounds, "Nodes begin at the first corner and reach the second")
+        ->delimiter(',')
+        ->capture_default_str();
+    command->add_option("--voxel", grid->voxel, "Distance between nodes")->capture_default_str();
+    command->add_option("--grid-name", grid->grid_name, "Name of the grid")->capture_default_str();
+    command->add_flag("--half", grid->half, "Store 16-bit values");
+    command->callback([state, grid, make, this] { write_field(make(*state), *grid, threads_); });
+  }
+
+ private:
+  CLI::App& parent_;
+  const int& threads_;
+};
+
+struct BoxState {
+  std::array<double, 3> min{-0.5, -0.5, -0.5}, max{0.5, 0.5, 0.5};
+  double density = 1;
+};
+struct BallState {
+  std::array<double, 3> centre{0, 0, 0};
+  double radius = 0.5, density = 1;
+};
+struct RampState {
+  double density = 1;
+  std::array<double, 3> slope{1, 0, 0};
+};
+struct AtmosphereState {
+  double density = 1, scale_height = 1, ground = 0;
+  std::array<double, 3> up{0, 1, 0};
+};
+struct GaussiansState {
+  double background = 0;
+  std::vector<std::array<double, 5>> bumps;
+};
+struct PlumeState {
+  SmokePlume plume;
+  std::array<double, 3> source{0, 0, 0};
+};
+
+void add_fields(FieldCommands& commands) {
+  commands.add<BoxState>(
+      "box", "Constant inside a box, zero outside",
+      [](CLI::App& app, BoxState& s) {
+        add_vector(app, "--min", s.min, "Lower corner");
+        add_vector(app, "--max", s.max, "Upper corner");
+        app.add_option("--density", s.density, "Density inside")->capture_default_str();
+      },
+      [](const BoxState& s) -> AnalyticField {
+        return ConstantBox{{vec3(s.min), vec3(s.max)}, s.density};
+      });
+  commands.add<BallState>(
+      "ball", "Constant inside a ball, zero outside",
+      [](CLI::App& app, BallState& s) {
+        add_vector(app, "--centre", s.centre, "Centre");
+        app.add_option("--radius", s.radius, "Radius")->capture_default_str();
+        app.add_option("--density", s.density, "Density inside")->capture_default_str();
+      },
+      [](const BallState& s) -> AnalyticField {
+        return ConstantBall{vec3(s.centre), s.radius, s.density};
+      });
+  commands.add<RampState>(
+      "ramp", "max(0, density + slope . p)",
+      [](CLI::App& app, RampState& s) {
+        app.add_option("--density", s.density, "Density at the origin")->capture_default_str();
+        add_vector(app, "--slope", s.slope, "Gradient");
+      },
+      [](const RampState& s) -> AnalyticField { return LinearRamp{s.density, vec3(s.slope)}; });
+  commands.add<AtmosphereState>(
+      "atmosphere", "Falls exponentially with height",
+      [](CLI::App& app, AtmosphereState& s) {
+        app.add_option("--density", s.density, "Density at the ground")->capture_default_str();
+        app.add_option("--scale-height", s.scale_height, "Height over which it falls to 1/e")
+            ->capture_default_str()
+            ->check(CLI::PositiveNumber);
+        app.add_option("--ground", s.ground, "Height of the ground")->capture_default_str();
+        add_vector(app, "--up", s.up, "Upward direction");
+      },
+      [](const AtmosphereState& s) -> AnalyticField {
+        const Vec3d up = vec3(s.up);
+        if (up.length2() == 0)
+          throw Error(ErrorKind::Usage, "--up: has no length: give a direction such as 0,1,0");
+        return ExponentialAtmosphere{s.density, s.scale_height, s.ground, up.normalized()};
+      });
+  commands.add<GaussiansState>(
+      "gaussians", "A background and Gaussian bumps (by default three of different widths)",
+      [](CLI::App& app, GaussiansState& s) {
+        app.add_option("--background", s.background, "Added everywhere")->capture_default_str();
+        app.add_option("--bump", s.bumps, "x,y,z,amplitude,width; may be repeated")->delimiter(',');
+      },
+      [](const GaussiansState& s) -> AnalyticField {
+        if (s.bumps.empty()) return three_gaussians(s.background);
+        GaussianSum sum{s.background, {}};
+        for (const auto& b : s.bumps) sum.bumps.push_back({{b[0], b[1], b[2]}, b[3], b[4]});
+        return sum;
+      });
+  commands.add<PlumeState>(
+      "plume", "A plume of smoke rising along +y, up to a ceiling",
+      [](CLI::App& app, PlumeState& s) {
+        add_vector(app, "--source", s.source, "Where it rises from");
+        app.add_option("--height", s.plume.height, "Up to the ceiling")
+            ->capture_default_str()
+            ->check(CLI::PositiveNumber);
+        app.add_option("--source-radius", s.plume.source_radius, "Radius at the source")
+            ->capture_default_str()
+            ->check(CLI::PositiveNumber);
+        app.add_option("--top-radius", s.plume.top_radius, "Radius at the ceiling")
+            ->capture_default_str()
+            ->check(CLI::PositiveNumber);
+        app.add_option("--curl", s.plume.curl, "How far the flow carries the smoke, in heights")
+            ->capture_default_str();
+        app.add_option("--detail", s.plume.detail, "Strength of the fine structure")
+            ->capture_default_str();
+        app.add_option("--seed", s.plume.seed, "Seed")->capture_default_str();
+      },
+      [](const PlumeState& s) -> AnalyticField {
+        SmokePlume plume = s.plume;
+        plume.source = vec3(s.source);
+        return plume;
+      });
+  commands.add<Dust>(
+      "dust", "Haze with soft clouds, thicker towards the ground",
+      [](CLI::App& app, Dust& s) {
+        app.add_option("--density", s.density, "Mean at the ground")->capture_default_str();
+        app.add_option("--scale-height", s.scale_height, "Height over which it falls to 1/e")
+            ->capture_default_str()
+            ->check(CLI::PositiveNumber);
+        app.add_option("--ground", s.ground, "Height of the ground")->capture_default_str();
+        app.add_option("--feature-size", s.feature_size, "Size of the largest clouds")
+            ->capture_default_str()
+            ->check(CLI::PositiveNumber);
+        app.add_option("--contrast", s.contrast, "0 even, 1 clear air between clouds")
+            ->capture_default_str();
+        app.add_option("--seed", s.seed, "Seed")->capture_default_str();
+      },
+      [](const Dust& s) -> AnalyticField { return s; });
+}
+
+void write_oracles(const std::string& name, const fs::path& folder, double step) {
+  make_folder(folder);
+  if (name == "all") {
+    for (const OracleScene& scene : oracle_scenes(step)) print_files(write_oracle_scene(scene, folder));
+  } else {
+    print_files(write_oracle_scene(oracle_scene(name, step), folder));
+  }
+}
+
+// CLI11's help and its own errors are printed here; its exit codes never leak.
+int run_data_gen(int argc, char** argv) {
+  CLI::App app("Writes volumes and scenes with known answers, and the demo scene.", "data_gen");
+  app.footer(kExamples);
+  app.set_version_flag("--version", "data_gen " BRUME_VERSION);
+  app.require_subcommand(1);
+  int threads = 0;
+  app.add_option("-t,--threads", threads, "Threads; 0: as many as this process may use")
+      ->check(CLI::NonNegativeNumber);
+  app.fallthrough();
+
+  std::string folder;
+  SmokyCornellOptions cornell;
+  CLI::App* smoky = app.add_subcommand("smoky-cornell", "The demo: a Cornell box with smoke and a beam");
+  smoky->add_option("-o,--output", folder, "Folder to write into")->required();
+  smoky->add_option("--resolution", cornell.resolution, "Smoke nodes along each axis")
+      ->capture_default_str();
+  smoky->add_option("--size", cornell.size_px, "Width and height of the image, in pixels")
+      ->capture_default_str();
+  smoky->add_option("--seed", cornell.seed, "Seed of the smoke")->capture_default_str();
+  smoky->callback([&] {
+    cornell.threads = threads;
+    make_folder(folder);
+    print_files(write_smoky_cornell(folder, cornell));
+  });
+
+  CLI::App* field = app.add_subcommand("field", "One analytic field as a .vdb");
+  field->require_subcommand(1);
+  FieldCommands fields(*field, threads);
+  add_fields(fields);
+
+  std::string oracle_name;
+  double oracle_step = 0.05;
+  CLI::App* oracle =
+      app.add_subcommand("oracle", "Scenes whose irradiance and gradient are known to many digits");
+  std::string names;
+  for (const OracleScene& scene : oracle_scenes()) names += scene.name + " ";
+  oracle->add_option("name", oracle_name, "One of: " + names + "all")->required();
+  oracle->add_option("-o,--output", folder, "Folder to write into")->required();
+  oracle->add_option("--step,--h", oracle_step, "Distance between nodes of Gaussian media")
+      ->capture_default_str();
+  oracle->callback([&] { write_oracles(oracle_name, folder, oracle_step); });
+
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    if (app.exit(e, std::cout, std::cerr) == 0) return 0;  // --help, --version
+    return exit_code(ErrorKind::Usage);
+  }
+  std::cout.flush();
+  if (!std::cout) throw Error(ErrorKind::Resource, "standard output: cannot write: give it a reader");
+  return 0;
+}
+
+}  // namespace
+}  // namespace brume
+
+int main(int argc, char** argv) {
+  std::signal(SIGPIPE, SIG_IGN);
+  brume::flush_denormals();
+  try {
+    return brume::run_data_gen(argc, argv);
+  } catch (const brume::Error& e) {
+    std::cerr << "error: " << e.what() << "\n";
+    return brume::exit_code(e.kind());
+  } catch (const std::bad_alloc&) {
+    std::cerr << "error: data_gen: out of memory: choose a lower resolution\n";
+    return brume::exit_code(brume::ErrorKind::Resource);
+  }
+}
