@@ -34,6 +34,9 @@ struct PixelResult {
   RgbD beauty() const;
 };
 
+// Z in an image where nothing was hit: beyond any scene, and finite, since files hold no infinities.
+inline constexpr float kNoHitDepth = 1e10f;
+
 struct FilmOptions {
   bool half_colour = true;         // --depth half|float.
   std::vector<std::string> aovs;   // Names to keep besides beauty; empty: all.

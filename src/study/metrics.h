@@ -20,8 +20,14 @@ struct DifferenceMap {
   std::vector<float> relative;  // (a-b) / sqrt(b^2 + (0.01 mean(b))^2): signed.
 };
 
-// Both of width * height pixels, finite. Throws Error(InvalidInput) on a size mismatch.
+// Both of width * height pixels. Throws Error(InvalidInput) on a size mismatch or a value that is not
+// finite. Against a black reference the relative measures are 0 where a is black too, else infinite.
 DifferenceMap compare_images(const std::vector<Rgb>& a, const std::vector<Rgb>& b, int width,
                              int height);
+
+// RMSE of the mean luminances of `block` x `block` pixels over mean(b): averages out what is noise and
+// leaves what is bias. Pixels beyond the last whole block are left out.
+double block_nrmse(const std::vector<Rgb>& a, const std::vector<Rgb>& b, int width, int height,
+                   int block);
 
 }  // namespace brume
