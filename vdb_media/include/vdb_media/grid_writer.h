@@ -23,7 +23,10 @@ struct GridToWrite {
   bool save_as_half = false;
 };
 
-// Written aside and renamed; the bytes depend on the arguments alone. Throws Error(Resource).
-void write_grids(const std::filesystem::path& file, const std::vector<GridToWrite>& grids);
+// Written aside and renamed; the bytes depend on the arguments alone. Returns warnings, one line each
+// (values too small for half floats). Throws Error(Resource) where it cannot write, and
+// Error(InvalidInput) for grids that no file holds: sizes that disagree, a singular transform, values
+// too large for half floats.
+std::vector<std::string> write_grids(const std::filesystem::path& file, const std::vector<GridToWrite>& grids);
 
 }  // namespace brume
