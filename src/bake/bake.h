@@ -59,15 +59,38 @@ struct BakeStats {
 struct BakeResult {
   std::shared_ptr<const IrradianceCache> cache;
   BakeStats stats;
-  bool is_stopped = false;  // stop_requested() said so; what is in the cache is whole waves.
+  // Bound on what bounces left out could add, relative to the mean irradiance: the last layer's change,
+  // continued at the ratio of successive changes. 0 when every bounce asked for was baked.
+  double truncation_bound = 0;
+  int layers = 0;           // Baked or found, the top one included.
+  bool is_stopped = false;  // stop_requested() said so; what is in the cache is whole waves or tiles.
 };
 
-// The layer that eye rays ask, and gathers below it in turn.
+// The layer that eye rays ask. Layer l answers the gathers of the layers above it.
 inline int top_layer(const BakeSettings& settings) { return settings.bounces; }
+inline constexpr int kMaxBounces = 250;
+
+// What gathers for `layer` see at their hits: the deepest light is the medium's and that of emitters
+// which only gathers see, each layer above reflects once more. Uses the highest layer below that was
+// baked, which stands for all above it (bake() stops when a layer changes next to nothing).
+HitLight light_below(const IrradianceCache& cache, int layer);
+
+// Split-sphere radius [WRC88] of a gather, both axes alike: accuracy times mean distance, limited by the
+// gradient (|grad E| R <= E along the surface) and to [min_radius, max_radius] of the diagonal.
+double split_sphere_radius(const GatherResult& gather, const Vec3d& normal,
+                           const BakeSettings& settings, double diagonal);
 
 // Adds what the views (or all surfaces) need to `existing` (null: nothing). Without indirect light to
 // hold (Effects::indirect) the cache is empty. Throws Error(Stopped) never: see is_stopped.
 BakeResult bake(const Lighting& lighting, const BakeSettings& settings, const BakeRequest& request,
                 const IrradianceCache* existing);
+
+// Only the layers below the top one, over all surfaces: what probes and single gathers need.
+BakeResult bake_deeper_layers(const Lighting& lighting, const BakeSettings& settings,
+                              const BakeRequest& request, const IrradianceCache* existing);
+
+// A pixel's footprint in records: where less wide, records act as if this many pixels wide, both when
+// placing and when rendering.
+inline constexpr double kFootprintPixels = 1.5;
 
 }  // namespace brume

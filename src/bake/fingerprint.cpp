@@ -1,0 +1,36 @@
+#include <cstdio>
+
+#include "bake/bake.h"
+
+namespace brume {
+namespace {
+
+// Bumped whenever the same scene and settings would give other records.
+constexpr int kAlgorithmVersion = 1;
+
+std::string number(double v) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.17g", v);
+  return text;
+}
+
+}  // namespace
+
+std::string BakeSettings::to_json() const {
+  return "{\"algorithm\":" + std::to_string(kAlgorithmVersion) + ",\"cells\":[" +
+         std::to_string(gather.cells_theta) + "," + std::to_string(gather.cells_phi) +
+         "],\"shells\":" + std::to_string(gather.shells) +
+         ",\"step_voxels\":" + number(gather.step_voxels) + ",\"gradient\":\"" +
+         gradient_mode_name(gather.gradient) + "\",\"bounces\":" + std::to_string(bounces) +
+         ",\"volume_bounces\":" + std::to_string(volume_bounces) +
+         ",\"seed\":" + std::to_string(seed) + ",\"error\":" + number(error) +
+         ",\"min_radius\":" + number(min_radius) + ",\"max_radius\":" + number(max_radius) +
+         ",\"light_depth\":\"" + (light_depth == LightDepth::Exact ? "exact" : "volumes") + "\"}";
+}
+
+Fingerprint bake_fingerprint(const World& world, const BakeSettings& settings) {
+  // The JSON holds every setting, exactly.
+  return FingerprintBuilder().add(world.fingerprint()).add(settings.to_json()).finish();
+}
+
+}  // namespace brume

@@ -1,0 +1,31 @@
+#include "bake/bake.h"
+
+namespace brume {
+
+HitLight light_below(const IrradianceCache& cache, int layer) {
+  HitLight light;
+  light.reflect = layer > 0;
+  int highest = -1;
+  for (const SurfaceRecord& r : cache.records())
+    if (r.layer() < layer) highest = std::max(highest, r.layer());
+  if (light.reflect && highest >= 0) {
+    light.cache = &cache;
+    light.layer = highest;
+  }
+  return light;
+}
+
+double split_sphere_radius(const GatherResult& gather, const Vec3d& normal,
+                           const BakeSettings& settings, double diagonal) {
+  // The nearer of what is there and what shines: light scattered close by changes fast too.
+  const double distance = std::min(gather.mean_distance, gather.light_distance);
+  double radius = std::min(settings.error * distance, settings.max_radius * diagonal);
+  const RgbGradient g = gather.terms.sum();
+  Vec3d along = luminance(g);
+  along -= normal * normal.dot(along);
+  const double slope = along.length(), e = luminance(gather.irradiance);
+  if (slope > 0) radius = std::min(radius, e / slope);
+  return std::max(radius, settings.min_radius * diagonal);
+}
+
+}  // namespace brume

@@ -1,0 +1,111 @@
+#include "study/verify.h"
+
+#include <algorithm>
+#include <chrono>
+
+#include "core/parallel.h"
+#include "core/random.h"
+
+namespace brume {
+namespace {
+
+// A point of the same surface as `record`, inside its radius; nothing where the surface ends there.
+std::optional<Hit> near_record(const World& world, const Vec3d& position, const Vec3d& normal,
+                               double radius, RandomStream& random) {
+  const Frame frame(normal);
+  const Vec2d u = random.uniform2();
+  const double r = 0.9 * radius * std::sqrt(u.x), lift = 0.25 * radius + 1e-5 * world.diagonal();
+  const double phi = 2 * kPi * u.y;
+  const Vec3d above =
+      position + frame.u * (r * std::cos(phi)) + frame.v * (r * std::sin(phi)) + normal * lift;
+  const Hit hit = world.tracer().intersect({above, -normal}, 2 * lift);
+  if (!hit.is_hit() || std::abs(hit.normal.dot(normal)) < 0.99) return std::nullopt;
+  return hit;
+}
+
+}  // namespace
+
+double VerifyPoint::relative_error() const {
+  return (cached - reference) / std::max(reference, floor);
+}
+
+Verification verify_cache(const Lighting& lighting, const BakeSettings& settings,
+                          const IrradianceCache& cache, const VerifyOptions& options) {
+  const auto start = std::chrono::steady_clock::now();
+  const World& world = lighting.world();
+  std::vector<const SurfaceRecord*> top;
+  for (const SurfaceRecord& r : cache.records())
+    if (r.layer() == top_layer(settings)) top.push_back(&r);
+  Verification v;
+  if (top.empty()) return v;
+
+  const Effects effects = plan_effects(world, settings.bounces, settings.volume_bounces);
+  GatherOptions gather = settings.gather;
+  gather.cells_theta = options.cells_theta;
+  gather.cells_phi = options.cells_phi;
+  const HitLight below = light_below(cache, top_layer(settings));
+
+  struct Outcome {
+    VerifyPoint point;
+    bool on_surface = false, covered = false;
+  };
+  std::vector<Outcome> outcomes(static_cast<std::size_t>(options.points));
+  std::vector<std::unique_ptr<Gatherer>> gatherers(
+      static_cast<std::size_t>(resolve_thread_count(options.threads)));
+  parallel_for_slots(options.threads, outcomes.size(), 1, [&](std::size_t i, int slot) {
+    RandomStream random(random_key(options.seed, 0x766572ULL, i));
+    const SurfaceRecord& r =
+        *top[std::min(top.size() - 1, static_cast<std::size_t>((double(i) + random.uniform()) /
+                                                                double(outcomes.size()) *
+                                                                double(top.size())))];
+    const Vec3d p = Vec3d(r.position[0], r.position[1], r.position[2]) + cache.origin();
+    const Vec3d n = Vec3d(r.normal[0], r.normal[1], r.normal[2]).normalized();
+    const auto hit = near_record(world, p, n, r.radius[0], random);
+    if (!hit) return;
+    Outcome& o = outcomes[i];
+    o.on_surface = true;
+    o.point.position = hit->position;
+    o.point.normal = hit->normal.dot(n) > 0 ? hit->shading_normal : -hit->shading_normal;
+    const InterpolatedIrradiance e =
+        cache.irradiance({top_layer(settings), hit->position, o.point.normal, 0});
+    o.covered = e.records > 0;
+    if (!o.covered) return;
+    if (!gatherers[slot]) gatherers[slot] = std::make_unique<Gatherer>(lighting, effects, gather);
+    Counters counters;
+    const GatherPoint at{hit->position, o.point.normal, hit->offset, random.bits()};
+    o.point.reference = luminance(gatherers[slot]->gather(at, below, counters).irradiance);
+    o.point.cached = luminance(e.irradiance);
+  });
+
+  double mean = 0;
+  for (const Outcome& o : outcomes) {
+    if (!o.on_surface) continue;
+    if (!o.covered) {
+      ++v.uncovered;
+      continue;
+    }
+    ++v.points;
+    mean += o.point.reference;
+  }
+  if (v.points == 0) return v;
+  mean /= v.points;
+  std::vector<double> errors;
+  double bias = 0, squares = 0;
+  for (Outcome& o : outcomes) {
+    if (!o.covered) continue;
+    o.point.floor = 0.01 * mean;
+    const double e = o.point.relative_error();
+    bias += o.point.cached - o.point.reference;
+    squares += e * e;
+    errors.push_back(std::abs(e));
+    if (errors.size() == 1 || std::abs(e) > std::abs(v.worst.relative_error())) v.worst = o.point;
+  }
+  v.bias = mean > 0 ? bias / v.points / mean : 0;
+  v.rmse = std::sqrt(squares / v.points);
+  std::sort(errors.begin(), errors.end());
+  v.p95 = errors[static_cast<std::size_t>(0.95 * double(errors.size() - 1))];
+  v.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return v;
+}
+
+}  // namespace brume
