@@ -31,5 +31,9 @@ VdbScene make_vdb_scene(const std::filesystem::path& vdb, const SceneFileOptions
 
 // JSON Schema (draft 2020-12) made from the table that parses, so the two cannot differ.
 std::string scene_schema();
+// docs/scene_format.md, made from the same table.
+std::string scene_format_page();
+// The example on that page: a scene that uses most keys.
+std::string scene_example();
 
 }  // namespace brume

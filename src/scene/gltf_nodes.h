@@ -1,0 +1,18 @@
+// Cameras and punctual lights of a glTF file, and the names of what we do not read.
+//
+// Read from the file's JSON rather than through the mesh importer: releases of that library disagree on
+// the field of view and lose all but one instance of a light.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "scene/mesh_import.h"
+
+namespace brume {
+
+// `bytes` is a .gltf or .glb file; adds to cameras, lights and warnings of `imported`. `name` is the
+// file's, for messages. Throws Error(InvalidInput).
+void read_gltf_nodes(std::string_view bytes, const std::string& name, ImportedFile& imported);
+
+}  // namespace brume
