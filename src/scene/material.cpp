@@ -114,6 +114,13 @@ BrdfSample sample_brdf(const Material& material, const Vec3d& n, const Vec3d& wo
   return {frame.to_world(i), f * (i.z / pdf), pdf};
 }
 
+double pdf_specular(const Material& material, const Vec3d& n, const Vec3d& wi, const Vec3d& wo) {
+  if (!material.is_glossy()) return 0;
+  const Frame frame(n);
+  const Vec3d i = frame.to_local(wi), o = frame.to_local(wo);
+  return i.z > 0 && o.z > 0 ? pdf_specular_local(alpha_of(material), i, o) : 0;
+}
+
 BrdfSample sample_specular(const Material& material, const Vec3d& n, const Vec3d& wo,
                            const Vec2d& u) {
   if (!material.is_glossy()) return {};

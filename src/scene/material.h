@@ -41,5 +41,6 @@ BrdfSample sample_brdf(const Material& material, const Vec3d& n, const Vec3d& wo
 double pdf_brdf(const Material& material, const Vec3d& n, const Vec3d& wi, const Vec3d& wo);
 // The glossy lobe alone, by visible normals [Heitz18].
 BrdfSample sample_specular(const Material& material, const Vec3d& n, const Vec3d& wo, const Vec2d& u);
+double pdf_specular(const Material& material, const Vec3d& n, const Vec3d& wi, const Vec3d& wo);
 
 }  // namespace brume
