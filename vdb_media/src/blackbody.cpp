@@ -76,6 +76,10 @@ class Table {
   Table() : entries_(kSize + 1) {
     for (int i = 0; i <= kSize; ++i)
       entries_[i] = Rgb(spectrum_.blackbody(kLow * std::exp2(double(i) / kPerOctave)));
+    // The tails of the observer's lobes give the dullest reds 1e-15 of blue that fades as they
+    // brighten. Light grows with temperature.
+    for (int i = kSize; i-- > 0;)
+      for (int c = 0; c < 3; ++c) entries_[i][c] = std::min(entries_[i][c], entries_[i + 1][c]);
   }
 
   Rgb at(double kelvin) const {

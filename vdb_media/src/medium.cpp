@@ -56,6 +56,10 @@ bool has_light(const Volume& v) {
 
 }  // namespace
 
+bool Volume::scatters() const { return !is_black(sigma_s) && has_density(*this); }
+
+bool Volume::emits() const { return has_light(*this); }
+
 bool Volume::is_chromatic() const {
   const RgbD s = sigma_t();
   return s.r != s.g || s.g != s.b;
@@ -63,7 +67,7 @@ bool Volume::is_chromatic() const {
 
 bool Volume::is_empty() const {
   const bool dims = !is_black(sigma_t()) && has_density(*this);
-  return !dims && !has_light(*this);
+  return !dims && !emits();
 }
 
 Box3d Volume::world_bounds() const {

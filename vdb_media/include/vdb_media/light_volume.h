@@ -13,10 +13,10 @@
 namespace brume {
 
 struct PointOrigin {
-  Vec3d position;
+  Vec3d position{0.0};
 };
 struct DirectionOrigin {
-  Vec3d direction;  // The way the light travels; unit length.
+  Vec3d direction{0.0, 0.0, -1.0};  // The way the light travels; unit length.
 };
 using LightOrigin = std::variant<PointOrigin, DirectionOrigin>;
 

@@ -44,8 +44,8 @@ struct Volume {
 
   RgbD sigma_t() const { return sigma_s + sigma_a; }
   bool is_homogeneous() const { return density == nullptr; }
-  bool scatters() const { return !is_black(sigma_s) && !is_empty(); }
-  bool emits() const { return emission.mode != Emission::Mode::None && !is_empty(); }
+  bool scatters() const;      // Some density, and sigma_s.
+  bool emits() const;         // Some light can come of the emission.
   bool is_chromatic() const;  // sigma_t differs between channels.
   bool is_empty() const;      // No density anywhere and no emission.
   Box3d world_bounds() const; // Of density and emission together.
