@@ -88,10 +88,17 @@ class Answers {
   std::vector<Answer> many_;
 };
 
-void collect(const RecordIndex& index, const LocalQuery& query, Answers& answers) {
+void collect(const RecordIndex& index, std::span<const SurfaceRecord> records, const LocalQuery& query,
+             Answers& answers) {
   index.visit(query.position, query.min_radius, [&](const RecordSite& site) {
     const double error = error_at(site, query);
-    if (error < 1) answers.add({site.record, 1 - error});
+    if (error < 1) {
+      // Read soon, and rarely in the cache: its 128 bytes come while the others are sought.
+      const char* record = reinterpret_cast<const char*>(&records[site.record]);
+      __builtin_prefetch(record);
+      __builtin_prefetch(record + 64);
+      answers.add({site.record, 1 - error});
+    }
     return true;
   });
 }
@@ -125,7 +132,7 @@ InterpolatedIrradiance IrradianceCache::irradiance(const IrradianceQuery& query)
   if (!index) return result;
   const LocalQuery local = localise(query, origin_);
   Answers answers;
-  collect(*index, local, answers);
+  collect(*index, records_, local, answers);
 
   // Mean = E0 + sum w (E - E0) / sum w: equal values come back as they are, bit for bit.
   RgbD first, sum;
@@ -171,7 +178,7 @@ std::vector<RecordWeight> IrradianceCache::explain(const IrradianceQuery& query)
   if (!index) return result;
   const LocalQuery local = localise(query, origin_);
   Answers answers;
-  collect(*index, local, answers);
+  collect(*index, records_, local, answers);
   for (const Answer& answer : answers.in_order()) {
     const SurfaceRecord& record = records_[answer.record];
     result.push_back({&record, answer.weight, extrapolate(record, local)});

@@ -1,8 +1,10 @@
 #include "cache/record_index.h"
 
+#include <algorithm>
 #include <limits>
 #include <numeric>
 
+#include "cache/hilbert_curve.h"
 #include "core/parallel.h"
 
 namespace brume {
@@ -61,22 +63,16 @@ Bounds support_bounds(const RecordSite& site) {
   return bounds;
 }
 
-// Bits of a 16-bit number moved two places apart.
-std::uint64_t spread_bits(std::uint64_t x) {
-  x = (x | x << 16) & 0x0000ff0000ffULL;
-  x = (x | x << 8) & 0x00f00f00f00fULL;
-  x = (x | x << 4) & 0x0c30c30c30c3ULL;
-  return (x | x << 2) & 0x249249249249ULL;
-}
+constexpr int kBitsPerAxis = 16;
 
 struct Placed {
-  std::uint64_t code;
-  std::uint32_t site;
+  std::uint64_t code;  // Along the curve.
+  std::uint32_t record;
 };
 
-// Stable, by the 48 bits of `code`: least significant digit first.
+// Stable, by `code`: least significant digit first.
 void radix_sort(std::vector<Placed>& items) {
-  constexpr int kDigitBits = 12, kCodeBits = 48;
+  constexpr int kDigitBits = 12, kCodeBits = 3 * kBitsPerAxis;
   constexpr std::size_t kDigits = std::size_t(1) << kDigitBits;
   std::vector<Placed> other(items.size());
   for (int shift = 0; shift < kCodeBits; shift += kDigitBits) {
@@ -92,37 +88,64 @@ void radix_sort(std::vector<Placed>& items) {
 }  // namespace
 
 RecordIndex::RecordIndex(std::span<const SurfaceRecord> records, std::size_t begin, std::size_t end) {
-  std::vector<std::uint32_t> sound;
-  sound.reserve(end - begin);
-  float low[3] = {kFar, kFar, kFar}, high[3] = {-kFar, -kFar, -kFar};
-  for (std::size_t i = begin; i < end; ++i) {
-    if (record_fault(records[i])) continue;
-    sound.push_back(static_cast<std::uint32_t>(i));
+  // Pieces find what is sound and where it lies; least and most do not depend on who found them.
+  constexpr std::size_t kPiece = 65536;
+  struct Piece {
+    float low[3] = {kFar, kFar, kFar}, high[3] = {-kFar, -kFar, -kFar};
+    std::vector<std::uint32_t> sound;
+    std::size_t first = 0;  // Sound records in the pieces before.
+  };
+  std::vector<Piece> pieces((end - begin + kPiece - 1) / kPiece);
+  parallel_for(0, pieces.size(), 1, [&](std::size_t k) {
+    Piece& piece = pieces[k];
+    const std::size_t stop = std::min(end, begin + (k + 1) * kPiece);
+    piece.sound.reserve(kPiece);
+    for (std::size_t i = begin + k * kPiece; i < stop; ++i) {
+      if (record_fault(records[i])) continue;
+      piece.sound.push_back(static_cast<std::uint32_t>(i));
+      for (int a = 0; a < 3; ++a) {
+        piece.low[a] = std::min(piece.low[a], records[i].position[a]);
+        piece.high[a] = std::max(piece.high[a], records[i].position[a]);
+      }
+    }
+  });
+  Piece all;
+  for (Piece& piece : pieces) {
+    piece.first = all.first;
+    all.first += piece.sound.size();
     for (int a = 0; a < 3; ++a) {
-      low[a] = std::min(low[a], records[i].position[a]);
-      high[a] = std::max(high[a], records[i].position[a]);
+      all.low[a] = std::min(all.low[a], piece.low[a]);
+      all.high[a] = std::max(all.high[a], piece.high[a]);
     }
   }
-  if (sound.empty()) return;
+  if (all.first == 0) return;
 
   // One scale for all axes, so that cells of the curve are cubes.
   double extent = 0;
-  for (int a = 0; a < 3; ++a) extent = std::max(extent, double(high[a]) - low[a]);
-  const double scale = extent > 0 ? 65535 / extent : 0;
-  std::vector<Placed> placed(sound.size());
-  parallel_for(0, sound.size(), kGrain, [&](std::size_t i) {
-    const float* p = records[sound[i]].position;
-    std::uint64_t code = 0;
-    for (int a = 0; a < 3; ++a)
-      code |= spread_bits(static_cast<std::uint64_t>((double(p[a]) - low[a]) * scale)) << a;
-    placed[i] = {code, sound[i]};
+  for (int a = 0; a < 3; ++a) extent = std::max(extent, double(all.high[a]) - all.low[a]);
+  const double scale = extent > 0 ? ((1 << kBitsPerAxis) - 1) / extent : 0;
+  std::vector<Placed> placed(all.first);
+  parallel_for(0, pieces.size(), 1, [&](std::size_t k) {
+    std::size_t to = pieces[k].first;
+    for (const std::uint32_t i : pieces[k].sound) {
+      std::array<std::uint32_t, 3> cell;
+      for (std::size_t a = 0; a < 3; ++a)
+        cell[a] =
+            static_cast<std::uint32_t>((double(records[i].position[a]) - all.low[a]) * scale);
+      placed[to++] = {hilbert_index(cell, kBitsPerAxis), i};
+    }
   });
   radix_sort(placed);
 
   sites_.resize(placed.size());
   std::vector<Bounds> below(placed.size());
   parallel_for(0, placed.size(), kGrain, [&](std::size_t i) {
-    sites_[i] = make_site(records[placed[i].site], placed[i].site);
+    // The curve's order is not the records': ask for those of a few steps ahead.
+    const std::size_t ahead = std::min(i + 12, placed.size() - 1);
+    const char* next = reinterpret_cast<const char*>(&records[placed[ahead].record]);
+    __builtin_prefetch(next);
+    __builtin_prefetch(next + 64);
+    sites_[i] = make_site(records[placed[i].record], placed[i].record);
     below[i] = support_bounds(sites_[i]);
   });
 

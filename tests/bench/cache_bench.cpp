@@ -1,0 +1,180 @@
+// A cache of a million records: building its index, asking it in image order, writing and reading it.
+//
+// The records lie on the walls, floor and boxes of a room at random, each with a radius such that a point
+// meets four to eight of them; some are ten times as large, as the first waves' are.
+#include <benchmark/benchmark.h>
+
+#include <filesystem>
+
+#include "cache/cache_file.h"
+#include "cache/irradiance_cache.h"
+#include "core/parallel.h"
+#include "core/random.h"
+
+namespace brume {
+namespace {
+
+constexpr std::size_t kRecords = 1'000'000;
+
+struct Wall {
+  Vec3d corner, u, v;
+  Vec3d normal() const { return u.cross(v).normalized(); }
+  double area() const { return u.cross(v).length(); }
+};
+
+std::vector<Wall> room() {
+  std::vector<Wall> walls = {
+      {{0, 0, 0}, {4, 0, 0}, {0, 4, 0}}, {{0, 0, 3}, {0, 4, 0}, {4, 0, 0}},
+      {{0, 0, 0}, {0, 4, 0}, {0, 0, 3}}, {{4, 0, 0}, {0, 0, 3}, {0, 4, 0}},
+      {{0, 4, 0}, {4, 0, 0}, {0, 0, 3}}, {{0, 0, 0}, {0, 0, 3}, {4, 0, 0}},
+  };
+  for (int i = 0; i < 8; ++i) {  // Sides of boxes, turned.
+    const double a = 0.4 * i;
+    walls.push_back({{1 + 0.25 * i, 1.5, 0.2}, {std::cos(a), std::sin(a), 0}, {0, 0, 1}});
+  }
+  return walls;
+}
+
+Vec3d point_on(const Wall& wall, const Vec2d& u) { return wall.corner + wall.u * u.x + wall.v * u.y; }
+
+std::vector<SurfaceRecord> make_records(std::size_t count) {
+  const std::vector<Wall> walls = room();
+  double area = 0;
+  for (const Wall& wall : walls) area += wall.area();
+  // Small records cover the surfaces four times over, large ones once or twice.
+  const double radius = std::sqrt(4.5 * area / (kPi * static_cast<double>(count)));
+  std::vector<SurfaceRecord> records(count);
+  RandomStream random(random_key(17));
+  for (std::size_t i = 0; i < count; ++i) {
+    double pick = random.uniform() * area;
+    std::size_t w = 0;
+    while (w + 1 < walls.size() && pick > walls[w].area()) pick -= walls[w++].area();
+    const Vec3d p = point_on(walls[w], random.uniform2()), n = walls[w].normal();
+    const bool is_large = i < count / 64;
+    SurfaceRecord& record = records[i];
+    record = {};
+    for (int a = 0; a < 3; ++a) {
+      record.position[a] = static_cast<float>(p[a]);
+      record.normal[a] = static_cast<float>(n[a]);
+      record.irradiance[a] = static_cast<float>(1 + random.uniform());
+    }
+    for (float& g : record.gradient) g = static_cast<float>(random.uniform() - 0.5);
+    for (float& g : record.rotational) g = static_cast<float>(random.uniform() - 0.5);
+    record.axis = static_cast<float>(kPi * random.uniform());
+    const double r = radius * (0.7 + 0.6 * random.uniform()) * (is_large ? 6 : 1);
+    record.radius[0] = static_cast<float>(r);
+    record.radius[1] = static_cast<float>(r * (0.7 + 0.6 * random.uniform()));
+    record.flags = record_flags(1, is_large ? 0 : 1);
+    record.key = random.bits();
+  }
+  std::sort(records.begin(), records.end(), RecordOrder{});
+  return records;
+}
+
+const std::vector<SurfaceRecord>& million() {
+  static const std::vector<SurfaceRecord> records = make_records(kRecords);
+  return records;
+}
+
+// What the pixels of a picture of two megapixels ask: a scan over three walls and a box, row by row.
+std::vector<IrradianceQuery> image_queries(double min_radius) {
+  constexpr int kRows = 760;
+  const std::vector<Wall> walls = room();
+  std::vector<IrradianceQuery> queries;
+  for (const Wall& wall : {walls[0], walls[3], walls[4], walls[7]})
+    for (int y = 0; y < kRows; ++y)
+      for (int x = 0; x < kRows; ++x)
+        queries.push_back({1, point_on(wall, {(x + 0.5) / kRows, (y + 0.5) / kRows}), wall.normal(),
+                           min_radius});
+  return queries;
+}
+
+void build_index(benchmark::State& state) {
+  for (auto _ : state) {
+    state.PauseTiming();
+    std::vector<SurfaceRecord> records = million();
+    state.ResumeTiming();
+    const IrradianceCache cache(std::move(records), Vec3d(0.0));
+    benchmark::DoNotOptimize(cache.records().data());
+  }
+}
+BENCHMARK(build_index)->Unit(benchmark::kMillisecond)->UseRealTime();
+
+template <typename Ask>
+void ask_in_image_order(benchmark::State& state, double min_radius, Ask&& ask) {
+  static const IrradianceCache cache(million(), Vec3d(0.0));
+  const std::vector<IrradianceQuery> queries = image_queries(min_radius);
+  double records = 0, asked = 0;
+  for (auto _ : state)
+    for (const IrradianceQuery& query : queries) {
+      records += ask(cache, query);
+      asked += 1;
+    }
+  state.counters["records"] = records / asked;
+  state.counters["per_query"] =
+      benchmark::Counter(asked, benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
+}
+
+void query(benchmark::State& state) {
+  // In millimetres; the records' radii are about 10.
+  ask_in_image_order(state, 1e-3 * static_cast<double>(state.range(0)),
+                     [](const IrradianceCache& cache, const IrradianceQuery& q) {
+                       return cache.irradiance(q).records;
+                     });
+}
+BENCHMARK(query)->ArgName("min_radius_mm")->Arg(0)->Arg(10)->Arg(20)->Unit(benchmark::kMillisecond);
+
+void covers(benchmark::State& state) {
+  ask_in_image_order(state, 0, [](const IrradianceCache& cache, const IrradianceQuery& q) {
+    return cache.covers(q) ? 1 : 0;
+  });
+}
+BENCHMARK(covers)->Unit(benchmark::kMillisecond);
+
+std::filesystem::path scratch_file() {
+  return std::filesystem::temp_directory_path() / "brume_cache_bench.irc";
+}
+
+void write_file(benchmark::State& state) {
+  const std::vector<SurfaceRecord>& records = million();
+  const auto second_wave = std::partition_point(records.begin(), records.end(),
+                                                [](const SurfaceRecord& r) { return r.wave() == 0; });
+  const std::vector<SurfaceRecord> first(records.begin(), second_wave),
+      second(second_wave, records.end());
+  for (auto _ : state) {
+    CacheWriter writer(scratch_file(), {});
+    writer.seal(first);
+    writer.seal(second);
+    writer.finish();
+  }
+  state.SetBytesProcessed(state.iterations() * static_cast<std::int64_t>(kRecords * sizeof(SurfaceRecord)));
+}
+BENCHMARK(write_file)->Unit(benchmark::kMillisecond)->UseRealTime();
+
+void read_file(benchmark::State& state) {
+  for (auto _ : state) {
+    const CacheOpening opening = open_cache(scratch_file(), {});
+    if (opening.state != CacheState::Loaded) state.SkipWithError(opening.reason.c_str());
+  }
+  state.SetBytesProcessed(state.iterations() * static_cast<std::int64_t>(kRecords * sizeof(SurfaceRecord)));
+}
+BENCHMARK(read_file)->Unit(benchmark::kMillisecond)->UseRealTime();
+
+void ready_for_first_query(benchmark::State& state) {
+  for (auto _ : state) {
+    CacheOpening opening = open_cache(scratch_file(), {});
+    const IrradianceCache cache(std::move(opening.contents.records), opening.contents.header.origin);
+    benchmark::DoNotOptimize(cache.irradiance({1, {1, 1, 0}, {0, 0, 1}}).records);
+  }
+}
+BENCHMARK(ready_for_first_query)->Unit(benchmark::kMillisecond)->UseRealTime();
+
+}  // namespace
+}  // namespace brume
+
+int main(int argc, char** argv) {
+  brume::flush_denormals();
+  benchmark::Initialize(&argc, argv);
+  benchmark::RunSpecifiedBenchmarks();
+  std::filesystem::remove(brume::scratch_file());
+}
