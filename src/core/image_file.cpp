@@ -49,8 +49,9 @@ std::string one_line(std::string text) {
   return text.empty() ? "unknown reason" : printable(text, 160);
 }
 
-void set_library_limits() {
+void set_up_library() {
   static const bool done = [] {
+    OIIO::attribute("debug", 0);  // Debian's build chats on standard error otherwise.
     OIIO::attribute("limits:channels", kMaxChannels);
     OIIO::attribute("limits:imagesize_MB", 16384);
     return true;
@@ -89,7 +90,7 @@ class StagedProxy : public OIIO::Filesystem::IOProxy {
 template <typename WritePixels>
 void write_staged(const std::filesystem::path& file, const char* format, const OIIO::ImageSpec& spec,
                   WritePixels write_pixels) {
-  set_library_limits();
+  set_up_library();
   StagedFile staged(file);
   StagedProxy proxy(staged);
   const std::unique_ptr<OIIO::ImageOutput> out = OIIO::ImageOutput::create(format);
@@ -463,7 +464,7 @@ std::size_t write_exr(const std::filesystem::path& file, const Image& image,
 }
 
 ImageFile read_image(const std::filesystem::path& file, std::size_t max_pixels) {
-  set_library_limits();
+  set_up_library();
   const std::vector<unsigned char> bytes = read_bytes(file);
   const char* format = format_of(bytes);
   if (!format) refuse(file, "not an EXR, HDR, PNG, PFM or TIFF image");

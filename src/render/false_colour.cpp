@@ -58,7 +58,7 @@ std::uint8_t to_byte(double encoded) {
 }
 
 // The map "viridis" of Nathaniel Smith and Stefan van der Walt (CC0), as the sixth-degree fit by Matt
-// Zucker (CC0); sRGB, within 0.006 of the table.
+// Zucker (CC0); sRGB, within 2 % of the table.
 Byte3 sequential(double t) {
   constexpr double c[7][3] = {{0.2777273272, 0.0054073445, 0.3340998053},
                               {0.1050930431, 1.4046135299, 1.3845901626},

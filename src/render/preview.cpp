@@ -49,9 +49,9 @@ Picture colour_picture(const std::vector<Rgb>& colour, int width, int height,
   return picture;
 }
 
-// The value below which `share` of the finite values lie.
+// The value that `share` of the values do not exceed.
 double quantile(std::vector<float>& finite, double share) {
-  const auto at = finite.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(finite.size() - 1));
+  const auto at = finite.begin() + std::lround(share * static_cast<double>(finite.size() - 1));
   std::nth_element(finite.begin(), at, finite.end());
   return *at;
 }
