@@ -64,7 +64,7 @@ function(brume_test name)
   target_compile_definitions(${name} PRIVATE
     BRUME_SHARED_DATA="${PROJECT_SOURCE_DIR}/../shared/data"
     BRUME_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
-  gtest_discover_tests(${name} PROPERTIES LABELS "${A_LABEL}" TIMEOUT ${A_TIMEOUT} DISCOVERY_TIMEOUT 60)
+  gtest_discover_tests(${name} NO_PRETTY_VALUES PROPERTIES LABELS "${A_LABEL}" TIMEOUT ${A_TIMEOUT} DISCOVERY_TIMEOUT 60)
 endfunction()
 
 # brume_benchmark(NAME SOURCES ... LINK libs)

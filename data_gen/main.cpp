@@ -228,10 +228,9 @@ void write_oracles(const std::string& name, const fs::path& folder, double step)
   }
 }
 
-// CLI11's help and its own errors are printed here; its exit codes never leak.
+// CLI11's own exit codes never leak.
 int run_data_gen(int argc, char** argv) {
   CLI::App app("Writes volumes and scenes with known answers, and the demo scene.", "data_gen");
-  app.footer(kExamples);
   app.set_version_flag("--version", "data_gen " BRUME_VERSION);
   app.require_subcommand(1);
   int threads = 0;
@@ -271,11 +270,12 @@ int run_data_gen(int argc, char** argv) {
       ->capture_default_str();
   oracle->callback([&] { write_oracles(oracle_name, folder, oracle_step); });
 
+  app.footer(kExamples);  // Now, or every subcommand would have it too.
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
-    if (app.exit(e, std::cout, std::cerr) == 0) return 0;  // --help, --version
-    return exit_code(ErrorKind::Usage);
+    if (e.get_exit_code() == 0) return app.exit(e);  // --help, --version
+    throw Error(ErrorKind::Usage, std::string("data_gen: ") + e.what() + ": see data_gen --help");
   }
   std::cout.flush();
   if (!std::cout) throw Error(ErrorKind::Resource, "standard output: cannot write: give it a reader");

@@ -191,9 +191,7 @@ Scene make_scene(const OracleScene& oracle) {
       volume.emission.mode = Emission::Mode::Density;
       volume.emission.scale = medium.emission;
     }
-    if (medium.is_homogeneous()) {
-      volume.bounds = oracle_room();
-    } else {
+    if (!medium.is_homogeneous()) {
       const Lattice lattice = medium_lattice(medium);
       volume.density = BrickGrid::from_dense(
           Vec3i(0), lattice.count, sample_field(medium.sigma_t, lattice), lattice.index_to_world());
@@ -236,7 +234,6 @@ std::vector<std::filesystem::path> write_oracle_scene(const OracleScene& oracle,
     if (medium.is_homogeneous()) {
       const double sigma_t = medium.sigma_t.background;
       volume = {{"type", "homogeneous"},
-                {"bounds", json_of(oracle_room())},
                 {"sigma_s", grey(sigma_t * medium.albedo)},
                 {"sigma_a", grey(sigma_t * (1 - medium.albedo))}};
     } else {

@@ -23,7 +23,8 @@ struct OracleEmitter {
   double radiance = 1;  // [W/(m^2 sr)]
 };
 
-// sigma_t is `sigma_t` itself [1/m]; a sum without bumps is homogeneous. Ends at the room.
+// sigma_t is `sigma_t` itself [1/m]; a sum without bumps is homogeneous and fills
+// all space (the way from a light outside the room is dimmed too); a grid ends at the room.
 struct OracleMedium {
   GaussianSum sigma_t;
   double albedo = 0;    // sigma_s / sigma_t.

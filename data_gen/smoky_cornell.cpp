@@ -107,9 +107,10 @@ SmokePlume smoky_cornell_plume(std::uint64_t seed) {
   SmokePlume plume;
   plume.source = {kLowBlock.center().x, kLowBlock.max.y + 0.005, kLowBlock.center().z};
   plume.height = kRoom.max.y - plume.source.y;
-  plume.source_radius = 0.1;
-  plume.top_radius = 0.42;
-  plume.curl = 0.55;
+  plume.source_radius = 0.14;
+  plume.top_radius = 0.72;
+  plume.curl = 0.5;
+  plume.detail = 1.1;
   plume.fade_box = kRoom;
   plume.fade_width = 0.06;
   plume.seed = seed;

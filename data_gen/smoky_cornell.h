@@ -12,7 +12,7 @@ namespace brume {
 struct SmokyCornellOptions {
   int resolution = 128;  // Nodes of the smoke along each axis; at least 2.
   int size_px = 512;     // Width and height of the image.
-  std::uint64_t seed = 7;
+  std::uint64_t seed = 5;
   int threads = 0;
 };
 
