@@ -2,6 +2,7 @@
 
 #include <sched.h>
 #include <tbb/blocked_range.h>
+#include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 #include <xmmintrin.h>
@@ -44,6 +45,9 @@ void parallel_for_slots(int threads, std::size_t count, std::size_t grain,
     for (std::size_t i = 0; i < count; ++i) body(i, 0);
     return;
   }
+  // Without it TBB caps an arena at the machine's cores, and says so on standard error.
+  const tbb::global_control allowed(tbb::global_control::max_allowed_parallelism,
+                                    static_cast<std::size_t>(n));
   tbb::task_arena arena(n);
   arena.execute([&] {
     tbb::parallel_for(
