@@ -67,7 +67,6 @@ class Baker {
   void seal(Records fresh);
   Records bake_tile(const BakeView& view, const PixelRect& tile, int layer, int first_wave,
                     Worker& worker);
-  double mean_irradiance(int layer) const;
   double change_of(int layer) const;
   void report(const std::string& stage, double fraction) const {
     if (request_.progress) request_.progress(stage, fraction);
@@ -288,17 +287,6 @@ void Baker::views(int layer) {
     seal(std::move(fresh));
     stopped_ = stopped_ || stop;
   }
-}
-
-double Baker::mean_irradiance(int layer) const {
-  double sum = 0;
-  std::size_t n = 0;
-  for (const SurfaceRecord& r : records_) {
-    if (r.layer() != layer) continue;
-    sum += luminance(Rgb(r.irradiance[0], r.irradiance[1], r.irradiance[2]));
-    ++n;
-  }
-  return n > 0 ? sum / double(n) : 0;
 }
 
 // Mean change from the layer below to `layer`, at the records of `layer`, relative to its mean.

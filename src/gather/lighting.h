@@ -24,7 +24,7 @@ inline ShadowRay shadow_ray(const Vec3d& p, const LightSample& sample) {
 struct LightingOptions {
   LightDepth depth = LightDepth::Volumes;
   double target_error = 0.005;  // Of transmittance, rms, for each light volume.
-  MarchOptions march;
+  MarchOptions march{};
   int threads = 0;
 };
 
