@@ -30,5 +30,5 @@ int main(int argc, char** argv) {
   // Before any thread starts: the loader's child is this binary, and has nothing else to set up.
   if (const auto status = brume::run_grid_loader_child(argc, argv)) return *status;
   brume::flush_denormals();
-  return brume::run(std::vector<std::string>(argv + (argc > 0), argv + argc), std::cout, std::cerr);
+  return brume::run({argv + (argc > 0 ? 1 : 0), argv + argc}, std::cout, std::cerr);
 }

@@ -201,6 +201,31 @@ TEST(Tree, OpensEachHeaderWithWhatItIsFor) {
   }
 }
 
+TEST(Tree, HasAnIndexOfItsDecisions) {
+  const auto index = std::find_if(tree().begin(), tree().end(), [](const SourceFile& file) {
+    return file.path == "docs/decisions/README.md";
+  });
+  ASSERT_NE(index, tree().end());
+  for (const SourceFile& file : tree()) {
+    if (!file.is_under("docs/decisions") || &file == &*index) continue;
+    EXPECT_NE(index->text.find("(" + fs::path(file.path).filename().string() + ")"), std::string::npos)
+        << file.path << " is not in the index";
+  }
+}
+
+// Commands and folders that have been renamed are worse than none.
+TEST(Tree, HasTheFilesItsReadmeLinksTo) {
+  const std::string readme = read(fs::path(BRUME_SOURCE_DIR) / "README.md");
+  std::size_t links = 0;
+  for (std::size_t at = readme.find("]("); at != std::string::npos; at = readme.find("](", at + 1)) {
+    const std::string target = readme.substr(at + 2, readme.find(')', at) - at - 2);
+    if (target.find("://") != std::string::npos) continue;
+    ++links;
+    EXPECT_TRUE(fs::exists(fs::path(BRUME_SOURCE_DIR) / target)) << target;
+  }
+  EXPECT_GT(links, 0u);
+}
+
 TEST(Tree, NamesNoFolderOfOneMachine) {
   for (const SourceFile& file : tree())
     for (const std::string& line : file.lines())
