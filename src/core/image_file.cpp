@@ -303,6 +303,42 @@ class ExrHeaderCheck {
   std::size_t at_ = 0;
 };
 
+// PNG chunks are {length (4) name (4) data checksum (4)}*, big-endian, IHDR first and IEND last. Checked
+// here because libpng says what it finds on standard error.
+void check_png(const std::filesystem::path& file, const std::vector<unsigned char>& bytes,
+               std::size_t max_pixels) {
+  static const std::array<std::uint32_t, 256> table = [] {
+    std::array<std::uint32_t, 256> t{};
+    for (std::uint32_t i = 0; i < 256; ++i) {
+      std::uint32_t c = i;
+      for (int k = 0; k < 8; ++k) c = c & 1 ? 0xedb88320u ^ c >> 1 : c >> 1;
+      t[i] = c;
+    }
+    return t;
+  }();
+  const auto word = [&](std::size_t at) {
+    return std::uint32_t(bytes[at]) << 24 | std::uint32_t(bytes[at + 1]) << 16 |
+           std::uint32_t(bytes[at + 2]) << 8 | std::uint32_t(bytes[at + 3]);
+  };
+  std::string_view name;
+  for (std::size_t at = 8; name != "IEND";) {
+    if (bytes.size() - at < 12 || word(at) > bytes.size() - at - 12)
+      refuse(file, "damaged: this PNG file is cut off");
+    const std::size_t length = word(at);
+    const bool is_first = name.empty();
+    name = {reinterpret_cast<const char*>(bytes.data()) + at + 4, 4};
+    std::uint32_t checksum = 0xffffffffu;
+    for (std::size_t i = at + 4; i < at + 8 + length; ++i)
+      checksum = table[(checksum ^ bytes[i]) & 0xff] ^ checksum >> 8;
+    if (~checksum != word(at + 8 + length)) refuse(file, "damaged: a PNG checksum is wrong");
+    if (is_first) {
+      if (name != "IHDR" || length != 13) refuse(file, "damaged: not the header of a PNG file");
+      check_size(file, word(at + 8), word(at + 12), 4, bytes.size(), max_pixels);
+    }
+    at += 12 + length;
+  }
+}
+
 ImageMetadata metadata_of(const OIIO::ImageSpec& spec) {
   ImageMetadata metadata;
   for (const OIIO::ParamValue& p : spec.extra_attribs) {
@@ -470,6 +506,7 @@ ImageFile read_image(const std::filesystem::path& file, std::size_t max_pixels) 
   if (!format) refuse(file, "not an EXR, HDR, PNG, PFM or TIFF image");
   try {
     if (std::string_view(format) == "openexr") ExrHeaderCheck(file, bytes).run(max_pixels);
+    if (std::string_view(format) == "png") check_png(file, bytes, max_pixels);
     return decode(file, format, bytes, max_pixels);
   } catch (const std::bad_alloc&) {
     throw Error(ErrorKind::Resource, printable(file.string()) + ": not enough memory for this image");

@@ -45,7 +45,7 @@ Triple relative_xyz(const Triple& rgb) {
   return xyz;
 }
 
-// The linear opponent space of [ANAM*20, Eq. 1]: lightness, red-green, blue-yellow.
+// The linear opponent space of [ANAM*20, Section 4.1.1]: lightness, red-green, blue-yellow.
 Triple ycxcz(const Triple& rgb) {
   const Triple t = relative_xyz(rgb);
   return {116 * t[1] - 16, 500 * (t[0] - t[1]), 200 * (t[1] - t[2])};
@@ -58,7 +58,7 @@ Triple rgb_of_ycxcz(const Triple& c) {
 }
 
 // CIE L*a*b*, its chroma scaled by lightness: colour differences count for less in the dark (the Hunt
-// effect, [ANAM*20, Eq. 6]).
+// effect, [ANAM*20, Section 4.1.2]).
 Triple hunt_lab(const Triple& rgb) {
   const auto f = [](double t) {
     constexpr double kDelta = 6.0 / 29;
@@ -110,7 +110,7 @@ std::vector<double> convolved(const std::vector<double>& in, int width, int heig
 }
 
 // The contrast sensitivity of a channel as a sum of Gaussians, transformed to the image plane
-// [ANAM*20, Eq. 2-4 and Table 1]: g(d) = sum a sqrt(pi / b) exp(-pi^2 d^2 / b), d in degrees.
+// [ANAM*20, Section 4.1.1, Table 1]: g(d) = sum a sqrt(pi / b) exp(-pi^2 d^2 / b), d in degrees.
 struct Sensitivity {
   double a1, b1, a2, b2;
 };
@@ -156,7 +156,7 @@ struct Features {
 };
 
 // Strength of edges and of points: first and second derivatives of a Gaussian as wide as an edge that
-// is seen as one, w = 0.082 degrees [ANAM*20, Section 4.2].
+// is seen as one, w = 0.082 degrees [ANAM*20, Section 4.2.1].
 Features features_of(const std::vector<double>& grey, int width, int height, double pixels_per_degree) {
   const double sigma = 0.5 * 0.082 * pixels_per_degree;
   const int radius = static_cast<int>(std::ceil(3 * sigma));
@@ -208,7 +208,7 @@ Prepared prepare(const std::vector<Rgb>& image, int width, int height, double pi
 }
 
 // Compresses large colour differences, then maps [0, cmax] to [0, 1] so that the lower 40 % take 95 %
-// of it [ANAM*20, Section 4.1]; cmax is the distance of Rec.709's green and blue.
+// of it [ANAM*20, Section 4.1.4]; cmax is the distance of Rec.709's green and blue.
 double colour_error(double distance) {
   constexpr double kExponent = 0.7, kCut = 0.4, kCutError = 0.95;
   static const double cmax = std::pow(hyab(hunt_lab({0, 1, 0}), hunt_lab({0, 0, 1})), kExponent);
@@ -234,7 +234,7 @@ std::vector<float> flip_map(const std::vector<Rgb>& a, const std::vector<Rgb>& b
     const double colour = colour_error(hyab(lab(pa), lab(pb)));
     const double feature = std::max(std::abs(pa.features.edges[i] - pb.features.edges[i]),
                                     std::abs(pa.features.points[i] - pb.features.points[i]));
-    // [ANAM*20, Eq. 8-9], with exponent 0.5.
+    // [ANAM*20, Sections 4.2.2 and 4.3], with exponent 0.5.
     const double feature_error = std::min(1.0, std::sqrt(feature / std::sqrt(2.0)));
     map[i] = static_cast<float>(std::min(1.0, std::pow(colour, 1 - feature_error)));
   }
