@@ -75,8 +75,12 @@ bool is_text(const std::string& text) {
   });
 }
 
-bool begins_with(const std::vector<unsigned char>& bytes, std::initializer_list<int> start) {
-  return bytes.size() >= start.size() && std::equal(start.begin(), start.end(), bytes.begin());
+// Our magic after line ends were changed or the eighth bits taken off.
+bool is_magic_as_text(const std::vector<unsigned char>& bytes) {
+  std::string visible;
+  for (std::size_t i = 0; i < bytes.size() && visible.size() < 5; ++i)
+    if (bytes[i] != '\r' && bytes[i] != '\n') visible += static_cast<char>(bytes[i]);
+  return visible == "\x89IRC\x1a" || visible == "\tIRC\x1a";
 }
 
 // Why the first eight bytes are not the magic; empty where they are.
@@ -86,11 +90,7 @@ std::pair<CacheState, std::string> check_magic(const std::vector<unsigned char>&
     if (present == sizeof kMagic) return {CacheState::Loaded, ""};
     return {CacheState::Corrupt, bytes.empty() ? "the file is empty" : "the file ends in its header"};
   }
-  if (begins_with(bytes, {0x89, 'I', 'R', 'C', '\n', 0x1a}) ||
-      begins_with(bytes, {0x89, 'I', 'R', 'C', '\r', '\r', '\n'}) ||
-      begins_with(bytes, {0x89, 'I', 'R', 'C', '\r', 0x1a}) ||
-      begins_with(bytes, {0x89, 'I', 'R', 'C', '\r', '\n', 0x1a, '\r'}) ||
-      begins_with(bytes, {0x09, 'I', 'R', 'C'}))
+  if (is_magic_as_text(bytes))
     return {CacheState::Corrupt, "damaged by a transfer as text; transfer it as binary"};
   return {CacheState::Foreign, "not a brume cache"};
 }

@@ -1,0 +1,83 @@
+// Records that are valid, all different, and the same every time.
+#pragma once
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <string>
+#include <vector>
+
+#include "cache/cache_file.h"
+#include "core/random.h"
+
+namespace brume {
+
+inline Vec3d random_direction(RandomStream& random) {
+  const double z = 2 * random.uniform() - 1, phi = 2 * kPi * random.uniform();
+  const double s = std::sqrt(1 - z * z);
+  return {s * std::cos(phi), s * std::sin(phi), z};
+}
+
+// In RecordOrder, inside the unit cube, with radii of 0.1 to 0.2.
+inline std::vector<SurfaceRecord> sample_records(std::size_t count, int layer = 1, int wave = 0,
+                                                 std::uint64_t seed = 1) {
+  RandomStream random(random_key(seed, layer, wave));
+  std::vector<SurfaceRecord> records(count);
+  std::uint64_t key = 0;
+  for (SurfaceRecord& record : records) {
+    record = {};
+    const Vec3d n = random_direction(random);
+    for (int a = 0; a < 3; ++a) {
+      record.position[a] = static_cast<float>(random.uniform());
+      record.normal[a] = static_cast<float>(n[a]);
+      record.irradiance[a] = static_cast<float>(1 + random.uniform());
+    }
+    for (float& g : record.gradient) g = static_cast<float>(random.uniform() - 0.5);
+    for (float& g : record.rotational) g = static_cast<float>(random.uniform() - 0.5);
+    record.axis = static_cast<float>(kPi * random.uniform());
+    for (float& r : record.radius) r = static_cast<float>(0.1 + 0.1 * random.uniform());
+    record.error = static_cast<float>(0.05 * random.uniform());
+    record.media_share = static_cast<float>(random.uniform());
+    record.flags = record_flags(layer, wave);
+    record.key = key += 1 + (random.bits() >> 32);
+  }
+  return records;
+}
+
+inline CacheHeader sample_header() {
+  CacheHeader header;
+  header.fingerprint = {{0x0123456789abcdefULL, 0xfedcba9876543210ULL}};
+  header.origin = Vec3d(10, -20, 0.5);
+  header.settings = R"({"bounces":2,"cells":[16,50],"seed":7})";
+  header.creator = "brume test";
+  return header;
+}
+
+inline std::string read_bytes(const std::filesystem::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+inline void write_bytes(const std::filesystem::path& file, const std::string& bytes) {
+  std::ofstream(file, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+}
+
+// A folder of this test's own, gone with it.
+class ScratchFolder {
+ public:
+  ScratchFolder() {
+    std::string pattern = (std::filesystem::temp_directory_path() / "brume_cache_XXXXXX").string();
+    path_ = ::mkdtemp(pattern.data());
+  }
+  ~ScratchFolder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  ScratchFolder(const ScratchFolder&) = delete;
+  ScratchFolder& operator=(const ScratchFolder&) = delete;
+  std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+}  // namespace brume
