@@ -12,10 +12,10 @@
 namespace brume {
 namespace {
 
-// Deeper layers are seen only through another gather, which averages them: half the cells each way and
-// twice the spacing.
+// Deeper layers are seen only through another gather, which averages them: half the cells each way,
+// twice the spacing, and no small radii.
 constexpr int kDeeperCellsDivisor = 2;
-constexpr double kDeeperErrorFactor = 2;
+constexpr double kDeeperErrorFactor = 2, kDeeperMinRadiusFactor = 8;
 // A layer that changes the mean irradiance by less than this stands for all above it.
 constexpr double kConverged = 2e-3;
 // Candidates count as covered a little inside a record's edge, where its weight is not yet 0.
@@ -82,9 +82,8 @@ class Baker {
   std::size_t existing_ = 0;
   std::shared_ptr<IrradianceCache> cache_;
   std::vector<Worker> workers_;
-  GatherOptions gather_options_;
   HitLight below_;
-  double error_ = 0;
+  BakeSettings layer_settings_;  // As the layer uses them.
   double truncation_bound_ = 0;
   int layers_ = 0;
   bool stopped_ = false;
@@ -93,17 +92,19 @@ class Baker {
 
 // Gatherers for one layer: its options, and the sealed layer that its hits read.
 void Baker::use_layer(int layer) {
-  gather_options_ = settings_.gather;
-  error_ = settings_.error;
+  layer_settings_ = settings_;
   if (layer < top_layer(settings_)) {
-    gather_options_.cells_theta = std::max(4, gather_options_.cells_theta / kDeeperCellsDivisor);
-    gather_options_.cells_phi = std::max(8, gather_options_.cells_phi / kDeeperCellsDivisor);
-    error_ *= kDeeperErrorFactor;
+    GatherOptions& g = layer_settings_.gather;
+    g.cells_theta = std::max(4, g.cells_theta / kDeeperCellsDivisor);
+    g.cells_phi = std::max(8, g.cells_phi / kDeeperCellsDivisor);
+    layer_settings_.error *= kDeeperErrorFactor;
+    layer_settings_.min_radius =
+        std::min(layer_settings_.max_radius, layer_settings_.min_radius * kDeeperMinRadiusFactor);
   }
   const std::size_t slots = static_cast<std::size_t>(resolve_thread_count(request_.threads));
   workers_.resize(slots);
   for (Worker& w : workers_)
-    w.gatherer = std::make_unique<Gatherer>(lighting_, effects_, gather_options_);
+    w.gatherer = std::make_unique<Gatherer>(lighting_, effects_, layer_settings_.gather);
   below_ = light_below(*cache_, layer);
 }
 
@@ -150,9 +151,7 @@ SurfaceRecord Baker::record(const SurfacePoint& point, int layer, int wave, Work
   }
   if (settings_.gather.gradient == GradientMode::None)
     std::fill(std::begin(r.rotational), std::end(r.rotational), 0.0f);
-  BakeSettings of_layer = settings_;
-  of_layer.error = error_;
-  const double radius = split_sphere_radius(g, normal, of_layer, world_.diagonal());
+  const double radius = split_sphere_radius(g, normal, layer_settings_, world_.diagonal());
   r.radius[0] = r.radius[1] = static_cast<float>(radius);
   r.error = static_cast<float>(g.error);
   const double all = luminance(g.irradiance);
@@ -215,8 +214,8 @@ void Baker::seal(Records fresh) {
 void Baker::everywhere(int layer, const std::string& stage) {
   use_layer(layer);
   const SurfacePoints surfaces(world_.tracer());
-  const double coarsest = settings_.max_radius * world_.diagonal();
-  const double finest = settings_.min_radius * world_.diagonal();
+  const double coarsest = layer_settings_.max_radius * world_.diagonal();
+  const double finest = layer_settings_.min_radius * world_.diagonal();
   int wave = 0;
   const int waves = static_cast<int>(std::ceil(std::log2(std::max(1.0, coarsest / finest)))) + 1;
   for (double spacing = coarsest; wave < waves && !is_stopped(); spacing /= 2, ++wave) {
