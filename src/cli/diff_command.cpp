@@ -2,6 +2,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <memory>
@@ -41,7 +42,9 @@ Limit parse_limit(const std::string& text, bool has_blocks) {
   const std::size_t equals = text.find('=');
   Limit limit{text.substr(0, equals), 0};
   const std::string number = equals == std::string::npos ? "" : text.substr(equals + 1);
-  if (!CLI::detail::lexical_cast(number, limit.value) || number.empty() || !(limit.value >= 0))
+  const char* const end = number.data() + number.size();
+  const auto [stopped, problem] = std::from_chars(number.data(), end, limit.value);
+  if (problem != std::errc() || stopped != end || !(limit.value >= 0))
     throw Error(ErrorKind::Usage, "--fail-above: '" + printable(text, 60) +
                                       "' does not read METRIC=V with V at least 0");
   const auto& names = metric_names();

@@ -34,7 +34,7 @@ constexpr std::uint64_t kMaxFileBytes = std::uint64_t(1) << 33;
 constexpr std::uint64_t kChannelsAtMaxPixels = 16;
 // Deflate reaches 1,030 to 1, EXR's PIZ and DWA more on a constant image; beyond this it is a bomb.
 constexpr std::uint64_t kMaxExpansion = 1 << 15;
-constexpr std::uint64_t kExpansionFree = std::uint64_t(64) << 20;
+constexpr std::uint64_t kExpansionFree = 1 << 20;
 constexpr int kBandRows = 64;
 
 [[noreturn]] void refuse(const std::filesystem::path& file, const std::string& what) {
