@@ -19,7 +19,8 @@ namespace {
 // Geometry is moved to the origin and scaled by a power of two to about unit size before it becomes
 // float, so all tolerances are in units of the scene and scale exactly.
 constexpr double kUlp = 0x1p-23;
-// Measured for this purpose (HARD_CASES N14): 32 float ulps of the largest coordinate clear a surface.
+// Measured for this purpose (HARD_CASES N14): 32 float ulps of the largest coordinate clear a
+// surface.
 constexpr double kOffsetUlps = 32;
 // Shadow rays often end on a light's surface; this share of their length is left out there.
 constexpr double kShadowEnd = 0x1p-17;
@@ -117,16 +118,16 @@ struct RayTracer::Impl {
   std::vector<TriangleMesh> meshes;
   Box3d bounds;
   Vec3d centre{0.0};
-  double scale = 1;    // World to Embree's units.
-  Box3d clip_box;      // World space; a little more than `bounds`.
-  FirstError error;    // Before the device, which may report into it until it is released.
+  double scale = 1;  // World to Embree's units.
+  Box3d clip_box;    // World space; a little more than `bounds`.
+  FirstError error;  // Before the device, which may report into it until it is released.
   DeviceHandle device;
   SceneHandle scene, shadow_scene;  // The second only where some mesh casts no shadow.
 
   RTCScene shadows() const { return shadow_scene ? shadow_scene.get() : scene.get(); }
 
-  // A ray as Embree gets it. One that starts outside the scene starts at its box instead, so that a far
-  // camera costs no digits.
+  // A ray as Embree gets it. One that starts outside the scene starts at its box instead, so that a
+  // far camera costs no digits.
   struct FloatRay {
     float origin[3], direction[3], t_far = 0;
     bool is_valid = false;
@@ -144,8 +145,7 @@ struct RayTracer::Impl {
       t_start = inside.begin;
       start = o + d * t_start;
       // Rounding at huge distances must not leave the box by more than it has to.
-      for (int a = 0; a < 3; ++a)
-        start[a] = std::clamp(start[a], clip_box.min[a], clip_box.max[a]);
+      for (int a = 0; a < 3; ++a) start[a] = std::clamp(start[a], clip_box.min[a], clip_box.max[a]);
     }
     for (int a = 0; a < 3; ++a) {
       r.origin[a] = static_cast<float>((start[a] - centre[a]) * scale);
@@ -185,8 +185,8 @@ Hit RayTracer::Impl::hit_at(std::uint32_t mesh_index, std::uint32_t triangle, do
   const double reach = std::max({max_abs(a - centre), max_abs(b - centre), max_abs(c - centre)});
   hit.offset = kOffsetUlps * kUlp * reach;
 
-  // A point within `offset` of an edge is moved in from it: where another wall meets this one there, a
-  // new ray would else start on the wall's far side by rounding, and leak.
+  // A point within `offset` of an edge is moved in from it: where another wall meets this one
+  // there, a new ray would else start on the wall's far side by rounding, and leak.
   double w[3] = {1 - b1 - b2, b1, b2};
   const double edge2[3] = {(c - b).length2(), e2.length2(), e1.length2()};
   bool is_moved = false;
@@ -267,8 +267,9 @@ RayTracer::RayTracer(std::vector<TriangleMesh> meshes) : impl_(std::make_unique<
   for (const TriangleMesh& mesh : impl.meshes) all_cast_shadows &= mesh.casts_shadow;
   if (!all_cast_shadows) impl.shadow_scene = new_scene();
 
-  // Embree's builder cuts its work by the number of threads, and the order it leaves triangles in decides
-  // which one is hit on a shared edge. One thread, so that the answer is the same everywhere.
+  // Embree's builder cuts its work by the number of threads, and the order it leaves triangles in
+  // decides which one is hit on a shared edge. One thread, so that the answer is the same
+  // everywhere.
   tbb::task_arena arena(1);
   arena.execute([&] {
     for (std::size_t m = 0; m < impl.meshes.size(); ++m) {
@@ -278,9 +279,9 @@ RayTracer::RayTracer(std::vector<TriangleMesh> meshes) : impl_(std::make_unique<
       auto* vertices = static_cast<float*>(
           rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
                                   3 * sizeof(float), mesh.positions.size()));
-      auto* indices = static_cast<std::uint32_t*>(rtcSetNewGeometryBuffer(
-          geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 3 * sizeof(std::uint32_t),
-          mesh.triangles.size()));
+      auto* indices = static_cast<std::uint32_t*>(
+          rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                                  3 * sizeof(std::uint32_t), mesh.triangles.size()));
       if (!vertices || !indices) break;  // The error function has the reason.
       for (const Vec3d& p : mesh.positions) {
         const Vec3d q = is_finite(p) ? (p - impl.centre) * impl.scale : Vec3d(0.0);
@@ -297,7 +298,8 @@ RayTracer::RayTracer(std::vector<TriangleMesh> meshes) : impl_(std::make_unique<
     if (impl.shadow_scene) rtcCommitScene(impl.shadow_scene.get());
   });
   if (impl.error.code == RTC_ERROR_OUT_OF_MEMORY)
-    throw Error(ErrorKind::Resource, "geometry: out of memory for the ray tracer: use fewer triangles");
+    throw Error(ErrorKind::Resource,
+                "geometry: out of memory for the ray tracer: use fewer triangles");
   if (impl.error.code != RTC_ERROR_NONE)
     throw Error(ErrorKind::Internal, "geometry: Embree: " + impl.error.text);
 }
@@ -360,8 +362,7 @@ void RayTracer::intersect(std::span<const Ray> rays, std::span<Hit> hits) const 
 
 bool RayTracer::is_occluded(const ShadowRay& ray) const {
   if (!impl_->scene) return false;
-  const Impl::FloatRay f =
-      impl_->to_float(ray.origin, ray.direction, impl_->shadow_end(ray));
+  const Impl::FloatRay f = impl_->to_float(ray.origin, ray.direction, impl_->shadow_end(ray));
   if (!f.is_valid) return false;
   RTCRay r{};
   r.org_x = f.origin[0], r.org_y = f.origin[1], r.org_z = f.origin[2];
@@ -383,8 +384,7 @@ void RayTracer::is_occluded(std::span<const ShadowRay> rays,
     bool any = false;
     for (std::size_t i = 0; i < count && impl_->scene; ++i) {
       const ShadowRay& ray = rays[first + i];
-      const Impl::FloatRay f =
-          impl_->to_float(ray.origin, ray.direction, impl_->shadow_end(ray));
+      const Impl::FloatRay f = impl_->to_float(ray.origin, ray.direction, impl_->shadow_end(ray));
       if (!f.is_valid) continue;
       valid[i] = -1;
       any = true;

@@ -3,7 +3,8 @@
 namespace brume {
 namespace {
 
-// Twice the area below this share of the longest edge squared is rounding noise of collinear corners.
+// Twice the area below this share of the longest edge squared is rounding noise of collinear
+// corners.
 constexpr double kNoArea = 1e-14;
 
 bool is_good(const TriangleMesh& mesh, const std::array<std::uint32_t, 3>& triangle) {

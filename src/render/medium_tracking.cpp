@@ -48,8 +48,8 @@ class Stretches {
         out.low = out.high = 1;
         return true;
       }
-      const int axis = exit_[0] < exit_[1] ? (exit_[0] < exit_[2] ? 0 : 2)
-                                           : (exit_[1] < exit_[2] ? 1 : 2);
+      const int axis =
+          exit_[0] < exit_[1] ? (exit_[0] < exit_[2] ? 0 : 2) : (exit_[1] < exit_[2] ? 1 : 2);
       const BrickGrid::ValueRange range = grid_->brick_range(grid_->top(brick_));
       out.t1 = std::clamp(exit_[axis], t_, t_end_);
       t_ = out.t1;
@@ -106,15 +106,16 @@ bool play_roulette(RgbD& weight, RandomStream& random) {
 
 // Tentative collisions with emission grids come this many voxels apart.
 constexpr double kEmissionVoxels = 4;
-// A sweep has at least about this many tentative collisions on its way through all of the medium, so that
-// thin smoke is met by most paths.
+// A sweep has at least about this many tentative collisions on its way through all of the medium,
+// so that thin smoke is met by most paths.
 constexpr double kSweepCollisions = 3;
 // And this many times as many as delta tracking needs, which costs a lookup each and spares noise.
 constexpr double kSweepBoost = 2;
 
 }  // namespace
 
-// Tentative collisions of one ray with one volume's density, or with one channel of its emission grid.
+// Tentative collisions of one ray with one volume's density, or with one channel of its emission
+// grid.
 class MediumTracker::Process {
  public:
   // Of density.
@@ -222,7 +223,8 @@ RgbD MediumTracker::transmittance(const Ray& ray, double t_end, RandomStream& ra
     Stretch s;
     double left = exponential(random);
     while (stretches.next(s)) {
-      // What every point of the brick has is taken out exactly; collisions only see the rest [NSJ14].
+      // What every point of the brick has is taken out exactly; collisions only see the rest
+      // [NSJ14].
       for (int c = 0; c < 3; ++c)
         if (sigma_t[c] > 0 && s.low > 0) weight[c] *= std::exp(-sigma_t[c] * s.low * (s.t1 - s.t0));
       if (!play_roulette(weight, random)) return weight;
@@ -248,11 +250,13 @@ RgbD MediumTracker::transmittance(const Ray& ray, double t_end, RandomStream& ra
   return weight;
 }
 
-Sweep MediumTracker::sweep(const Ray& ray, double t_end, RandomStream& random) {
+Sweep MediumTracker::sweep(const Ray& ray, double t_end, const RgbD& path_weight,
+                           RandomStream& random) {
   Sweep result;
+  RgbD weight = path_weight;
+  result.transmittance = weight;
   if (medium_->is_vacuum()) return result;
   start(ray, t_end, kSweepBoost, min_rate_, random);
-  RgbD weight(1.0);
   double total = 0, chosen = 0;
   while (Process* process = earliest()) {
     const Volume& v = *process->volume;
@@ -294,8 +298,10 @@ Sweep MediumTracker::sweep(const Ray& ray, double t_end, RandomStream& random) {
   return result;
 }
 
-Flight MediumTracker::fly(const Ray& ray, double t_end, RandomStream& random) {
+Flight MediumTracker::fly(const Ray& ray, double t_end, const RgbD& path_weight,
+                          RandomStream& random) {
   Flight result;
+  result.weight = path_weight;
   if (medium_->is_vacuum()) return result;
   start(ray, t_end, 1, 0, random);
   RgbD& weight = result.weight;
@@ -319,7 +325,6 @@ Flight MediumTracker::fly(const Ray& ray, double t_end, RandomStream& random) {
       for (int c = 0; c < 3; ++c) pass[c] *= std::max(0.0, 1 - sigma_t[c] * density / rate);
       const double a = mean_component(scatter), b = mean_component(pass);
       if (!(a + b > 0)) {
-        result.is_absorbed = true;
         weight = {};
         return result;
       }
@@ -330,10 +335,7 @@ Flight MediumTracker::fly(const Ray& ray, double t_end, RandomStream& random) {
         return result;
       }
       weight = pass / (1 - probability);
-      if (!play_roulette(weight, random)) {
-        result.is_absorbed = true;
-        return result;
-      }
+      if (!play_roulette(weight, random)) return result;
     }
     process->advance(random);
     if (std::isinf(t_end) && process->is_endless()) {

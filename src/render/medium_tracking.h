@@ -1,10 +1,10 @@
-// Unbiased flights through the medium by tentative collisions: delta tracking, ratio tracking and what
-// lies between. Private to the path tracer; no marching code of vdb_media is used, so that each checks the
-// other.
+// Unbiased flights through the medium by tentative collisions: delta tracking, ratio tracking and
+// what lies between. Private to the path tracer; no marching code of vdb_media is used, so that
+// each checks the other.
 //
-// Every volume is a Poisson process of its own along a ray, with the largest density of each brick for a
-// rate. Processes add up, so overlapping volumes need no common grid. Extinction may differ between
-// channels: the collisions are shared and the weights are not [KHLN17].
+// Every volume is a Poisson process of its own along a ray, with the largest density of each brick
+// for a rate. Processes add up, so overlapping volumes need no common grid. Extinction may differ
+// between channels: the collisions are shared and the weights are not [KHLN17].
 #pragma once
 
 #include <cstdint>
@@ -16,7 +16,8 @@
 
 namespace brume {
 
-// Where light may scatter: a point, the volume that scatters there, and the colour a path is multiplied by.
+// Where light may scatter: a point, the volume that scatters there, and the colour a path is
+// multiplied by.
 struct ScatterPoint {
   bool is_set = false;
   double t = 0;
@@ -32,9 +33,8 @@ struct Sweep {
 
 // One flight: it ends at the first scattering or at the end of the ray.
 struct Flight {
-  RgbD weight{1.0};  // Of whatever comes next; albedo included.
+  RgbD weight{1.0};  // Of whatever comes next, albedo included; 0: absorbed.
   RgbD emission;
-  bool is_absorbed = false;
   ScatterPoint scatter;
 };
 
@@ -47,8 +47,10 @@ class MediumTracker {
 
   // Estimates of exp(-tau), each channel's mean exact [NSJ14].
   RgbD transmittance(const Ray& ray, double t_end, RandomStream& random);
-  Sweep sweep(const Ray& ray, double t_end, RandomStream& random);
-  Flight fly(const Ray& ray, double t_end, RandomStream& random);
+  // Results are multiplied by `weight`, that of the path so far: where channels differ, choices
+  // that know it keep the product bounded over any number of scatterings.
+  Sweep sweep(const Ray& ray, double t_end, const RgbD& weight, RandomStream& random);
+  Flight fly(const Ray& ray, double t_end, const RgbD& weight, RandomStream& random);
 
   // sigma_s of each volume at p; the volume is drawn in proportion.
   ScatterPoint scatter_at(const Vec3d& p, double u);

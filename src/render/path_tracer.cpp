@@ -10,9 +10,9 @@
 namespace brume {
 namespace {
 
-constexpr int kTile = 16;         // Pixels along a tile's edge: one task.
-constexpr int kNoiseBlock = 8;    // Pixels along the edge of a block whose noise is judged.
-constexpr int kFirstPass = 16;    // Samples before noise is judged for the first time.
+constexpr int kTile = 16;       // Pixels along a tile's edge: one task.
+constexpr int kNoiseBlock = 8;  // Pixels along the edge of a block whose noise is judged.
+constexpr int kFirstPass = 16;  // Samples before noise is judged for the first time.
 
 struct PixelRange {
   int begin = 0, end = 0;
@@ -123,8 +123,7 @@ PathTracerResult trace_paths(const World& world, const CameraRays& camera,
         for (int x = x0; x < std::min(x0 + kTile, width); ++x) {
           // By the pixel's place in the whole image, so that a crop shows the same picture.
           const int px = columns.begin + x, py = rows.begin + y;
-          const std::uint64_t key =
-              random_key(options.seed, std::uint64_t(py) * film.width() + px);
+          const std::uint64_t key = random_key(options.seed, std::uint64_t(py) * film.width() + px);
           Sums& sums = pixels[std::size_t(y) * width + x];
           for (int s = done; s < target; ++s) {
             const SamplePoints points(key, std::uint32_t(s));

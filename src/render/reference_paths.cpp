@@ -6,8 +6,14 @@ namespace brume {
 namespace {
 
 // Decisions with well-spread numbers of their own.
-enum Dimension : std::uint32_t { kPixel, kDiffuseRay, kGlossyRay, kPhaseRay, kScatterLight = 8,
-                                 kSurfaceLight = 16 };
+enum Dimension : std::uint32_t {
+  kPixel,
+  kDiffuseRay,
+  kGlossyRay,
+  kPhaseRay,
+  kScatterLight = 8,
+  kSurfaceLight = 16
+};
 
 // Up to this many lights the eye's vertex sends a shadow ray to each.
 constexpr std::size_t kEachLight = 4;
@@ -16,10 +22,12 @@ constexpr std::size_t kCandidates = 16;
 // Within this share of the medium's diagonal around a point light, 1/r^2 is sampled by itself.
 constexpr double kSingularShare = 0.1;
 
-// Full transport plays Russian roulette from this vertex on, and never lets a path live for certain from
-// the next on: albedo may be 1 in a closed room.
-constexpr int kRouletteFrom = 4, kMortalFrom = 32;
-constexpr double kMortalSurvival = 0.97, kLeastSurvival = 0.05;
+// Full transport plays Russian roulette from this vertex on, and never lets a path live for certain
+// from the next on: albedo may be 1 in a closed room. The walk out of dense white smoke takes
+// hundreds of vertices: dying faster than it ends makes the variance infinite, so mortality is late
+// and slight.
+constexpr int kRouletteFrom = 4, kMortalFrom = 1024;
+constexpr double kMortalSurvival = 0.999, kLeastSurvival = 0.05;
 
 bool is_singular(const Light& light) {
   return light.kind() == Light::Kind::Point || light.kind() == Light::Kind::Spot;
@@ -36,7 +44,8 @@ struct ReferencePaths::Surface {
   const Material* material = nullptr;
   Vec3d normal{0.0}, shading_normal{0.0}, wo{0.0};
 
-  // Directions through the surface that only the interpolated normal takes for reflections carry nothing.
+  // Directions through the surface that only the interpolated normal takes for reflections carry
+  // nothing.
   double cosine(const Vec3d& wi) const {
     return normal.dot(wi) > 0 ? std::max(0.0, shading_normal.dot(wi)) : 0;
   }
@@ -90,8 +99,8 @@ RgbD ReferencePaths::visibility(const Vec3d& origin, const LightSample& sample,
   return tracker_.transmittance({origin, sample.direction}, sample.distance, random);
 }
 
-// Share of a point light's scattering at p that glow() answers for: 1 at the light and smoothly 0 at the
-// radius, so that what is left to collisions is bounded.
+// Share of a point light's scattering at p that glow() answers for: 1 at the light and smoothly 0
+// at the radius, so that what is left to collisions is bounded.
 double ReferencePaths::near_share(int light, const Vec3d& p) const {
   for (const SingularLight& s : singular_lights_) {
     if (s.light != light) continue;
@@ -127,9 +136,9 @@ ReferencePaths::Reflected ReferencePaths::direct_light(const Vec3d& p, bool in_m
           lights.size() - 1);
       share = count * (light_cdf_[i] - (i ? light_cdf_[i - 1] : 0)) / light_cdf_.back();
     }
-    const Vec2d u = points ? points->square((in_medium ? kScatterLight : kSurfaceLight) +
-                                            std::uint32_t(k))
-                           : random.uniform2();
+    const Vec2d u =
+        points ? points->square((in_medium ? kScatterLight : kSurfaceLight) + std::uint32_t(k))
+               : random.uniform2();
     const LightSample sample = lights[i]->sample(p, u);
     if (is_black(sample.weight)) continue;
     const Lobes lobes = eval(sample.direction);
@@ -154,8 +163,7 @@ ReferencePaths::Reflected ReferencePaths::direct_light(const Vec3d& p, bool in_m
     }
   }
   if (chosen_q > 0) {
-    const RgbD visible =
-        visibility(origin(chosen.direction), chosen, random) * (total / chosen_q);
+    const RgbD visible = visibility(origin(chosen.direction), chosen, random) * (total / chosen_q);
     for (int l = 0; l < 2; ++l) result.value[l] = chosen_value.value[l] * visible;
   }
   return result;
@@ -189,12 +197,14 @@ RgbD ReferencePaths::direct_on_surface(const Surface& s, RandomStream& random) {
       .value[0];
 }
 
-// Single scattering of point lights close to the ray, at distances drawn in proportion to 1/r^2 [KF12].
+// Single scattering of point lights close to the ray, at distances drawn in proportion to 1/r^2
+// [KF12].
 RgbD ReferencePaths::glow(const Ray& ray, double t_end, RandomStream& random) {
   RgbD sum;
   for (const SingularLight& singular : singular_lights_) {
     const Vec3d to_light = singular.position - ray.origin;
-    const double t_closest = to_light.dot(ray.direction), radius2 = singular_radius_ * singular_radius_;
+    const double t_closest = to_light.dot(ray.direction),
+                 radius2 = singular_radius_ * singular_radius_;
     const double closest2 = (to_light - ray.direction * t_closest).length2();
     if (!(closest2 < radius2)) continue;
     const double half = std::sqrt(radius2 - closest2);
@@ -227,8 +237,8 @@ RgbD ReferencePaths::emitter_hit(const Hit& hit, const DrawnRay& drawn) const {
   const RgbD emitted = world_.emission(hit, -drawn.ray.direction);
   if (is_black(emitted)) return {};
   const double t = (hit.position - drawn.from).dot(drawn.ray.direction);
-  return emitted * balance(drawn.pdf, world_.lights()[light]->pdf(drawn.from, drawn.ray.direction, t,
-                                                                  hit.normal));
+  return emitted * balance(drawn.pdf, world_.lights()[light]->pdf(drawn.from, drawn.ray.direction,
+                                                                  t, hit.normal));
 }
 
 RgbD ReferencePaths::environment_hit(const DrawnRay& drawn) const {
@@ -236,18 +246,18 @@ RgbD ReferencePaths::environment_hit(const DrawnRay& drawn) const {
   for (const int i : world_.environment_lights()) {
     const Light& light = *world_.lights()[i];
     sum += light.radiance(drawn.ray.direction) *
-           balance(drawn.pdf,
-                   light.pdf(drawn.from, drawn.ray.direction, kInfinity, Vec3d(0.0)));
+           balance(drawn.pdf, light.pdf(drawn.from, drawn.ray.direction, kInfinity, Vec3d(0.0)));
   }
   return sum;
 }
 
-PixelResult ReferencePaths::trace(const Ray& ray, const SamplePoints& points, RandomStream& random) {
+PixelResult ReferencePaths::trace(const Ray& ray, const SamplePoints& points,
+                                  RandomStream& random) {
   PixelResult result;
   const bool is_full = options_.transport == Transport::Full;
   const std::uint64_t cost_before = rays() + lookups();
   const Hit hit = intersect(ray);
-  const Sweep sweep = tracker_.sweep(ray, hit.t, random);
+  const Sweep sweep = tracker_.sweep(ray, hit.t, RgbD(1.0), random);
   result.transmittance = sweep.transmittance;
   result[Layer::VolumeEmission] = sweep.emission;
 
@@ -261,9 +271,9 @@ PixelResult ReferencePaths::trace(const Ray& ray, const SamplePoints& points, Ra
       if (is_full) {
         const PhaseSample s = world_.medium().volumes()[scatter.volume].phase.sample(
             ray.direction, points.square(kPhaseRay));
-        const Gathered light = gather_full({{p, s.direction}, p, s.pdf}, random);
-        result[Layer::VolumeDirect] += scatter.weight * light.direct;
-        result[Layer::VolumeIndirect] = scatter.weight * light.indirect;
+        const Gathered light = gather_full({{p, s.direction}, p, s.pdf}, scatter.weight, random);
+        result[Layer::VolumeDirect] += light.direct;
+        result[Layer::VolumeIndirect] = light.indirect;
       }
     }
   }
@@ -314,9 +324,10 @@ void ReferencePaths::shade_eye(const Surface& s, const RgbD& transmittance,
   const auto follow = [&](const Vec3d& wi, double pdf, const RgbD& weight, Layer direct_layer,
                           Layer indirect_layer) {
     if (!(pdf > 0) || !(s.cosine(wi) > 0)) return;
-    const Gathered light = gather({{s.hit->spawn(wi), wi}, s.hit->position, pdf}, random);
-    result[direct_layer] += transmittance * weight * light.direct;
-    result[indirect_layer] += transmittance * weight * light.indirect;
+    const Gathered light =
+        gather({{s.hit->spawn(wi), wi}, s.hit->position, pdf}, transmittance * weight, random);
+    result[direct_layer] += light.direct;
+    result[indirect_layer] += light.indirect;
   };
   if (!is_black(material.albedo)) {
     const Vec3d local = sample_cosine_hemisphere(points.square(kDiffuseRay));
@@ -330,29 +341,31 @@ void ReferencePaths::shade_eye(const Surface& s, const RgbD& transmittance,
   }
 }
 
-ReferencePaths::Gathered ReferencePaths::gather(const DrawnRay& drawn, RandomStream& random) {
-  return options_.transport == Transport::Full ? gather_full(drawn, random)
-                                               : gather_cached(drawn, random);
+ReferencePaths::Gathered ReferencePaths::gather(const DrawnRay& drawn, const RgbD& weight,
+                                                RandomStream& random) {
+  return options_.transport == Transport::Full ? gather_full(drawn, weight, random)
+                                               : gather_cached(drawn, weight, random);
 }
 
-// E_l of the cached integrator with l = bounces: every segment brings what the medium emits and scatters
-// once and what "direct": false emitters emit; every surface but the last also reflects direct light.
-ReferencePaths::Gathered ReferencePaths::gather_cached(DrawnRay drawn, RandomStream& random) {
+// E_l of the cached integrator with l = bounces: every segment brings what the medium emits and
+// scatters once and what "direct": false emitters emit; every surface but the last also reflects
+// direct light.
+ReferencePaths::Gathered ReferencePaths::gather_cached(DrawnRay drawn, RgbD weight,
+                                                       RandomStream& random) {
   Gathered light;
-  RgbD weight(1.0);
   for (int level = options_.bounces;; --level) {
     const bool is_first = level == options_.bounces;
     const Hit hit = intersect(drawn.ray);
-    const Sweep sweep = tracker_.sweep(drawn.ray, hit.t, random);
-    light.indirect += weight * sweep.emission;
+    const Sweep sweep = tracker_.sweep(drawn.ray, hit.t, weight, random);
+    light.indirect += sweep.emission;
     if (options_.volume_bounces > 0) {
       light.indirect += weight * glow(drawn.ray, hit.t, random);
       if (sweep.scatter.is_set)
-        light.indirect += weight * sweep.scatter.weight *
+        light.indirect += sweep.scatter.weight *
                           direct_in_medium(drawn.ray.at(sweep.scatter.t), drawn.ray.direction,
                                            sweep.scatter.volume, false, nullptr, random);
     }
-    weight *= sweep.transmittance;
+    weight = sweep.transmittance;
     if (is_black(weight)) break;
     RgbD& emitters = is_first ? light.direct : light.indirect;
     if (!hit.is_hit()) {
@@ -375,15 +388,15 @@ ReferencePaths::Gathered ReferencePaths::gather_cached(DrawnRay drawn, RandomStr
 }
 
 // Everything, until the dice end it.
-ReferencePaths::Gathered ReferencePaths::gather_full(DrawnRay drawn, RandomStream& random) {
+ReferencePaths::Gathered ReferencePaths::gather_full(DrawnRay drawn, RgbD weight,
+                                                     RandomStream& random) {
   Gathered light;
-  RgbD weight(1.0);
   for (int vertex = 1;; ++vertex) {
     const Hit hit = intersect(drawn.ray);
     light.indirect += weight * glow(drawn.ray, hit.t, random);
-    const Flight flight = tracker_.fly(drawn.ray, hit.t, random);
-    light.indirect += weight * flight.emission;
-    weight *= flight.weight;
+    const Flight flight = tracker_.fly(drawn.ray, hit.t, weight, random);
+    light.indirect += flight.emission;
+    weight = flight.weight;
     if (is_black(weight)) break;
 
     if (flight.scatter.is_set) {
@@ -413,8 +426,8 @@ ReferencePaths::Gathered ReferencePaths::gather_full(DrawnRay drawn, RandomStrea
     }
 
     if (vertex < kRouletteFrom) continue;
-    const double survival =
-        std::clamp(max_component(weight), kLeastSurvival, vertex < kMortalFrom ? 1 : kMortalSurvival);
+    const double survival = std::clamp(max_component(weight), kLeastSurvival,
+                                       vertex < kMortalFrom ? 1 : kMortalSurvival);
     if (random.uniform() >= survival) break;
     weight *= 1 / survival;
   }

@@ -17,7 +17,8 @@ class ReferencePaths {
  public:
   ReferencePaths(const World& world, const CameraRays& camera, const PathTracerOptions& options);
 
-  // The answer of one sample. z is infinite and normal and position are 0 where the ray hits nothing.
+  // The answer of one sample. z is infinite and normal and position are 0 where the ray hits
+  // nothing.
   PixelResult trace(const Ray& ray, const SamplePoints& points, RandomStream& random);
 
   std::uint64_t rays() const { return rays_; }
@@ -25,8 +26,8 @@ class ReferencePaths {
 
  private:
   struct Surface;
-  // f cos of two lobes that go to different layers, and the density with which a ray of the same path,
-  // weighted against light samples, goes the same way (0: there is none).
+  // f cos of two lobes that go to different layers, and the density with which a ray of the same
+  // path, weighted against light samples, goes the same way (0: there is none).
   struct Lobes {
     RgbD value[2];
     double pdf[2] = {0, 0};
@@ -35,8 +36,8 @@ class ReferencePaths {
     RgbD value[2];
     RgbD sum() const { return value[0] + value[1]; }
   };
-  // What a ray brings back: light straight from sampled lights, weighted against light sampling at the
-  // ray's origin, and all other light.
+  // What a ray brings back: light straight from sampled lights, weighted against light sampling at
+  // the ray's origin, and all other light.
   struct Gathered {
     RgbD direct, indirect;
   };
@@ -67,9 +68,10 @@ class ReferencePaths {
 
   void shade_eye(const Surface& surface, const RgbD& transmittance, const SamplePoints& points,
                  RandomStream& random, PixelResult& result);
-  Gathered gather(const DrawnRay& drawn, RandomStream& random);
-  Gathered gather_cached(DrawnRay drawn, RandomStream& random);
-  Gathered gather_full(DrawnRay drawn, RandomStream& random);
+  // Results are multiplied by `weight`, that of the path so far.
+  Gathered gather(const DrawnRay& drawn, const RgbD& weight, RandomStream& random);
+  Gathered gather_cached(DrawnRay drawn, RgbD weight, RandomStream& random);
+  Gathered gather_full(DrawnRay drawn, RgbD weight, RandomStream& random);
 
   const World& world_;
   const CameraRays& camera_;

@@ -1,6 +1,6 @@
-// Well-spread random numbers for the first few decisions of a pixel's samples: Sobol points with hashed
-// Owen scrambling, a separate shuffle for every dimension [Burley20]. Any prefix of the samples is well
-// spread, so samples can be added in passes.
+// Well-spread random numbers for the first few decisions of a pixel's samples: Sobol points with
+// hashed Owen scrambling, a separate shuffle for every dimension [Burley20]. Any prefix of the
+// samples is well spread, so samples can be added in passes.
 #pragma once
 
 #include <cstdint>

@@ -7,8 +7,8 @@
 namespace brume {
 namespace {
 
-// Beyond this many times its longest edge a rectangle looks flat and small: uniform over the area is then
-// as good as over the solid angle, and cheaper.
+// Beyond this many times its longest edge a rectangle looks flat and small: uniform over the area
+// is then as good as over the solid angle, and cheaper.
 constexpr double kFarTimes2 = 100;
 // Below this solid angle its sampling loses digits.
 constexpr double kMinSolidAngle = 1e-7;
@@ -25,7 +25,8 @@ struct Emitter {
   double area_pdf(double distance, double cosine, double area) const {
     return faces(cosine) ? distance * distance / (area * std::abs(cosine)) : 0;
   }
-  LightSample to_area_point(const Vec3d& p, const Vec3d& q, const Vec3d& normal, double area) const {
+  LightSample to_area_point(const Vec3d& p, const Vec3d& q, const Vec3d& normal,
+                            double area) const {
     const Vec3d d = q - p;
     const double distance = d.length();
     if (!(distance > 0)) return {};
@@ -73,7 +74,8 @@ class QuadShape {
     }
     return emitter.to_area_point(p, corner_ + edge_u_ * u.x + edge_v_ * u.y, normal_, area_);
   }
-  double pdf(const Emitter& emitter, const Vec3d& p, const Vec3d& direction, double distance) const {
+  double pdf(const Emitter& emitter, const Vec3d& p, const Vec3d& direction,
+             double distance) const {
     const double cosine = -normal_.dot(direction);
     if (!(area_ > 0) || !emitter.faces(cosine)) return 0;
     if (const auto sphere = solid_angle_from(p)) return 1 / sphere->solid_angle();
@@ -98,8 +100,7 @@ class QuadShape {
 };
 
 void append(std::vector<double>& values, const Emitter& e) {
-  values.insert(values.end(),
-                {e.radiance.r, e.radiance.g, e.radiance.b, double(e.two_sided)});
+  values.insert(values.end(), {e.radiance.r, e.radiance.g, e.radiance.b, double(e.two_sided)});
 }
 
 double emitted_power(const Emitter& e, double area, double unit) {
@@ -115,8 +116,7 @@ class ReadyQuadLight final : public Light {
   LightSample sample(const Vec3d& p, const Vec2d& u) const override {
     return shape_.sample(emitter_, p, u);
   }
-  double pdf(const Vec3d& p, const Vec3d& direction, double distance,
-             const Vec3d&) const override {
+  double pdf(const Vec3d& p, const Vec3d& direction, double distance, const Vec3d&) const override {
     return shape_.pdf(emitter_, p, direction, distance);
   }
   double importance() const override { return emitted_power(emitter_, shape_.area(), unit_); }
@@ -215,7 +215,8 @@ std::optional<QuadShape> as_rectangle(const std::vector<EmitterTriangle>& triang
 }  // namespace
 
 std::unique_ptr<Light> make_quad_light(const QuadLight& d, double unit) {
-  return std::make_unique<ReadyQuadLight>(Light::Kind::Quad, QuadShape(d.corner, d.edge_u, d.edge_v),
+  return std::make_unique<ReadyQuadLight>(Light::Kind::Quad,
+                                          QuadShape(d.corner, d.edge_u, d.edge_v),
                                           Emitter{RgbD(d.radiance), false}, unit);
 }
 

@@ -1,7 +1,7 @@
 // Light from infinitely far, the same from everywhere.
 //
-// Images are latitude-longitude: the top row looks along the scene's up axis. With up = Y the middle
-// column looks along -Z and its right neighbour towards +X; with up = Z it looks along +Y.
+// Images are latitude-longitude: the top row looks along the scene's up axis. With up = Y the
+// middle column looks along -Z and its right neighbour towards +X; with up = Z it looks along +Y.
 #include "core/image.h"
 #include "core/sampling.h"
 #include "scene/light_types.h"
@@ -70,7 +70,8 @@ class ImageEnvironment final : public Light {
   double pdf(const Vec3d&, const Vec3d& direction, double, const Vec3d&) const override {
     if (!(row_cdf_.back() > 0)) return 0;
     const Vec2d uv = uv_of(direction);
-    return cell_pdf(std::min(int(uv.x * width_), width_ - 1), std::min(int(uv.y * height_), height_ - 1));
+    return cell_pdf(std::min(int(uv.x * width_), width_ - 1),
+                    std::min(int(uv.y * height_), height_ - 1));
   }
   // Bilinear between pixel centres.
   RgbD radiance(const Vec3d& direction) const override {
@@ -85,8 +86,8 @@ class ImageEnvironment final : public Light {
   Vec3d centre() const override { return Vec3d(0.0); }
   Box3d bounds() const override { return {}; }
   void add_to(FingerprintBuilder& fingerprint) const override {
-    const double v[] = {double(width_), double(height_), right_.x, right_.y, right_.z,
-                        up_.x,          up_.y,           up_.z};
+    const double v[] = {double(width_), double(height_), right_.x, right_.y,
+                        right_.z,       up_.x,           up_.y,    up_.z};
     add_values(fingerprint, kind(), v);
     fingerprint.add_bytes(pixels_.data(), pixels_.size() * sizeof(Rgb));
   }
@@ -109,8 +110,8 @@ class ImageEnvironment final : public Light {
     return (std::cos(kPi * y / height_) - std::cos(kPi * (y + 1) / height_)) * 2 * kPi / width_;
   }
 
-  // A cell's weight takes in its neighbours, because the bilinear lookup inside it does: a black pixel beside
-  // the sun must not have density 0.
+  // A cell's weight takes in its neighbours, because the bilinear lookup inside it does: a black
+  // pixel beside the sun must not have density 0.
   void build_table() {
     cell_cdf_.resize(std::size_t(width_) * height_);
     row_cdf_.resize(height_);
@@ -131,7 +132,8 @@ class ImageEnvironment final : public Light {
   // The entry of an unnormalised CDF that holds `u`, which becomes the place within the entry.
   static int pick(const double* cdf, int count, double& u) {
     const double at = u * cdf[count - 1];
-    const int i = int(std::min<std::ptrdiff_t>(std::upper_bound(cdf, cdf + count, at) - cdf, count - 1));
+    const int i =
+        int(std::min<std::ptrdiff_t>(std::upper_bound(cdf, cdf + count, at) - cdf, count - 1));
     const double first = i ? cdf[i - 1] : 0, share = cdf[i] - first;
     u = share > 0 ? std::clamp((at - first) / share, 0.0, 1.0) : 0.5;
     return i;
@@ -153,8 +155,7 @@ std::unique_ptr<Light> make_environment_light(const EnvironmentLight& d, const V
   if (d.file.empty()) return std::make_unique<ConstantEnvironment>(RgbD(d.radiance) * d.scale);
   const Image image = read_image(d.file).image;
   std::vector<Rgb> pixels = image.layer("", d.file.string());
-  for (Rgb& p : pixels)
-    p = {usable(p.r, d.scale), usable(p.g, d.scale), usable(p.b, d.scale)};
+  for (Rgb& p : pixels) p = {usable(p.r, d.scale), usable(p.g, d.scale), usable(p.b, d.scale)};
   return std::make_unique<ImageEnvironment>(image.width, image.height, std::move(pixels),
                                             d.rotation_deg, up);
 }

@@ -36,7 +36,7 @@ class ReadyPointLight final : public Light {
   Vec3d centre() const override { return position_; }
   Box3d bounds() const override { return Box3d(position_); }
   void add_to(FingerprintBuilder& fingerprint) const override {
-    const double v[] = {position_.x, position_.y, position_.z, intensity_.r,
+    const double v[] = {position_.x,  position_.y,  position_.z, intensity_.r,
                         intensity_.g, intensity_.b, unit_};
     add_values(fingerprint, kind(), v);
   }
@@ -72,9 +72,9 @@ class ReadySpotLight final : public Light {
   Vec3d centre() const override { return position_; }
   Box3d bounds() const override { return Box3d(position_); }
   void add_to(FingerprintBuilder& fingerprint) const override {
-    const double v[] = {position_.x,  position_.y,  position_.z,  direction_.x, direction_.y,
-                        direction_.z, intensity_.r, intensity_.g, intensity_.b, cos_inner_,
-                        cos_outer_,   unit_};
+    const double v[] = {position_.x,  position_.y,  position_.z,  direction_.x,
+                        direction_.y, direction_.z, intensity_.r, intensity_.g,
+                        intensity_.b, cos_inner_,   cos_outer_,   unit_};
     add_values(fingerprint, kind(), v);
   }
 

@@ -34,8 +34,7 @@ double ggx_g2(double cos_i, double cos_o, double alpha) {
 RgbD eval_specular_local(const Material& material, const Vec3d& i, const Vec3d& o) {
   const double alpha = alpha_of(material);
   const Vec3d h = (i + o).normalized();
-  return RgbD(material.specular) *
-         (ggx_d(h, alpha) * ggx_g2(i.z, o.z, alpha) / (4 * i.z * o.z));
+  return RgbD(material.specular) * (ggx_d(h, alpha) * ggx_g2(i.z, o.z, alpha) / (4 * i.z * o.z));
 }
 
 double pdf_specular_local(double alpha, const Vec3d& i, const Vec3d& o) {
@@ -131,8 +130,7 @@ BrdfSample sample_specular(const Material& material, const Vec3d& n, const Vec3d
   const Vec3d i = sample_specular_local(alpha, o, u);
   if (!(i.z > 0)) return {};
   // f cos / pdf with D and the cosines cancelled.
-  const RgbD weight =
-      RgbD(material.specular) * (ggx_g2(i.z, o.z, alpha) / ggx_g1(o.z, alpha));
+  const RgbD weight = RgbD(material.specular) * (ggx_g2(i.z, o.z, alpha) / ggx_g1(o.z, alpha));
   return {frame.to_world(i), weight, pdf_specular_local(alpha, i, o)};
 }
 

@@ -7,8 +7,8 @@ double safe_acos(double x) { return std::acos(std::clamp(x, -1.0, 1.0)); }
 
 }  // namespace
 
-SphericalRectangle::SphericalRectangle(const Vec3d& corner, const Vec3d& edge_u, const Vec3d& edge_v,
-                                       const Vec3d& from)
+SphericalRectangle::SphericalRectangle(const Vec3d& corner, const Vec3d& edge_u,
+                                       const Vec3d& edge_v, const Vec3d& from)
     : origin_(from), k_(0), solid_angle_(0) {
   const double length_u = edge_u.length(), length_v = edge_v.length();
   x_ = edge_u / length_u;

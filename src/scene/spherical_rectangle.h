@@ -8,7 +8,8 @@ namespace brume {
 // `edge_u` and `edge_v` are perpendicular. Made for one point; costs four arc cosines.
 class SphericalRectangle {
  public:
-  SphericalRectangle(const Vec3d& corner, const Vec3d& edge_u, const Vec3d& edge_v, const Vec3d& from);
+  SphericalRectangle(const Vec3d& corner, const Vec3d& edge_u, const Vec3d& edge_v,
+                     const Vec3d& from);
 
   // 0 from a point in the rectangle's plane.
   double solid_angle() const { return solid_angle_; }

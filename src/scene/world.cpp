@@ -62,10 +62,11 @@ World::World(const Scene& scene)
   for (std::size_t i = 0; i < scene.lights.size(); ++i) {
     const LightDescription& description = scene.lights[i];
     if (medium_.is_unbounded() && is_at_infinity(description))
-      throw Error(ErrorKind::InvalidInput,
-                  scene.file.string() + ": /lights/" + std::to_string(i) +
-                      ": light from infinity does not get through a volume without bounds: give the "
-                      "volume bounds");
+      throw Error(
+          ErrorKind::InvalidInput,
+          scene.file.string() + ": /lights/" + std::to_string(i) +
+              ": light from infinity does not get through a volume without bounds: give the "
+              "volume bounds");
     const int index = static_cast<int>(lights_.size());
     lights_.push_back(make_light(description, unit_, scene.up));
     if (lights_.back()->kind() == Light::Kind::Environment) environment_lights_.push_back(index);
@@ -86,8 +87,8 @@ World::World(const Scene& scene)
       is_used[m] = true;
       if (m >= emitters.size() || !materials_[m].is_emissive() || !materials_[m].direct) continue;
       const auto& corner = mesh.triangles[t];
-      emitters[m].push_back({mesh.positions[corner[0]], mesh.positions[corner[1]],
-                             mesh.positions[corner[2]]});
+      emitters[m].push_back(
+          {mesh.positions[corner[0]], mesh.positions[corner[1]], mesh.positions[corner[2]]});
     }
   for (std::size_t m = 0; m < emitters.size(); ++m) {
     if (emitters[m].empty()) continue;

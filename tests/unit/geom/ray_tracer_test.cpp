@@ -13,8 +13,8 @@ namespace {
 TriangleMesh box_mesh(const Box3d& b) {
   TriangleMesh mesh;
   for (int i = 0; i < 8; ++i)
-    mesh.positions.push_back({i & 1 ? b.max.x : b.min.x, i & 2 ? b.max.y : b.min.y,
-                              i & 4 ? b.max.z : b.min.z});
+    mesh.positions.push_back(
+        {i & 1 ? b.max.x : b.min.x, i & 2 ? b.max.y : b.min.y, i & 4 ? b.max.z : b.min.z});
   // Counter-clockwise seen from outside.
   mesh.triangles = {{0, 2, 1}, {1, 2, 3}, {4, 5, 6}, {5, 7, 6}, {0, 1, 4}, {1, 5, 4},
                     {2, 6, 3}, {3, 6, 7}, {0, 4, 2}, {2, 4, 6}, {1, 3, 5}, {3, 7, 5}};
@@ -87,8 +87,8 @@ TEST_P(AcrossScales, HitsLieOnTheTriangleAndTIsADistance) {
   const auto [size, shift] = GetParam();
   RandomStream random(3);
   for (int i = 0; i < 20'000; ++i) {
-    const Vec3d from = room().min + (room().max - room().min) * 0.5 *
-                                        (1 + 0.9 * (2 * random.uniform() - 1));
+    const Vec3d from =
+        room().min + (room().max - room().min) * 0.5 * (1 + 0.9 * (2 * random.uniform() - 1));
     const Vec3d d = random_direction(random);
     const Hit hit = tracer.intersect({from, d});
     ASSERT_TRUE(hit.is_hit());
@@ -113,9 +113,11 @@ TEST(RayTracer, PlaneDoesNotShadowItself) {
   RandomStream random(4);
   int hits = 0;
   for (int i = 0; i < 1'000'000; ++i) {
-    const Vec3d from(60 * random.uniform() - 30, 60 * random.uniform() - 30, 100 * random.uniform());
+    const Vec3d from(60 * random.uniform() - 30, 60 * random.uniform() - 30,
+                     100 * random.uniform());
     const Hit hit = tracer.intersect(
-        {from, (Vec3d(60 * random.uniform() - 30, 60 * random.uniform() - 30, 0) - from).normalized()});
+        {from,
+         (Vec3d(60 * random.uniform() - 30, 60 * random.uniform() - 30, 0) - from).normalized()});
     ASSERT_TRUE(hit.is_hit());
     Vec3d d = sample_cosine_hemisphere(random.uniform2());
     if (i % 2) d = Vec3d(d.x, d.y, 1e-5).normalized();
@@ -143,8 +145,10 @@ TEST(RayTracer, ShiftByAPowerOfTwoChangesNothing) {
   RandomStream random(6);
   int hits = 0;
   for (int i = 0; i < 20'000; ++i) {
-    const Vec3d from = Vec3d(std::floor(4096 * random.uniform()), std::floor(4096 * random.uniform()),
-                             std::floor(4096 * random.uniform())) / 1024;
+    const Vec3d from =
+        Vec3d(std::floor(4096 * random.uniform()), std::floor(4096 * random.uniform()),
+              std::floor(4096 * random.uniform())) /
+        1024;
     const Vec3d d = random_direction(random);
     const Hit a = here.intersect({from, d}), b = there.intersect({from + Vec3d(shift), d});
     ASSERT_EQ(a.is_hit(), b.is_hit());

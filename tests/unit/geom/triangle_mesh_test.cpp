@@ -17,8 +17,7 @@ TriangleMesh good_and_bad() {
 TEST(TriangleMesh, DropsBadTrianglesAndTheirMaterials) {
   TriangleMesh mesh = good_and_bad();
   EXPECT_EQ(remove_bad_triangles(mesh), 5u);
-  EXPECT_EQ(mesh.triangles,
-            (std::vector<std::array<std::uint32_t, 3>>{{{0, 1, 2}}, {{2, 1, 0}}}));
+  EXPECT_EQ(mesh.triangles, (std::vector<std::array<std::uint32_t, 3>>{{{0, 1, 2}}, {{2, 1, 0}}}));
   EXPECT_EQ(mesh.materials, (std::vector<std::uint32_t>{0, 6}));
 }
 
