@@ -10,7 +10,8 @@ namespace {
 
 constexpr int kEdge = BrickGrid::kCells;
 constexpr int kNodes = BrickGrid::kNodes;
-// Voxel indices stay within +-2^30, a brick short of it so that neighbours fit too (HARD_CASES N13).
+// Voxel indices stay within +-2^30, a brick short of it so that neighbours fit too (HARD_CASES
+// N13).
 constexpr std::int64_t kMaxBlock = (std::int64_t(1) << 30) / kEdge - 2;
 
 Vec3i block_of(const Vec3i& voxel) { return {voxel.x >> 3, voxel.y >> 3, voxel.z >> 3}; }
@@ -34,9 +35,7 @@ IndexBox intersection(const IndexBox& a, const IndexBox& b) {
   return r;
 }
 
-IndexBox voxels_of(const Vec3i& block) {
-  return {block * kEdge, block * kEdge + Vec3i(kEdge - 1)};
-}
+IndexBox voxels_of(const Vec3i& block) { return {block * kEdge, block * kEdge + Vec3i(kEdge - 1)}; }
 
 enum class Fault { None, Denormal, Nan, Infinite, Negative };
 
@@ -129,8 +128,7 @@ BadVoxels BlockField::sanitize(BadVoxelPolicy policy, const std::string& place,
     any_denormal |= any;
     for (int i = 0; any && i < kBlockVoxels; ++i)
       faults.add(found[std::size_t(i)], 1, [&] {
-        return block_positions_[b] * kEdge +
-               Vec3i(i % kEdge, i / kEdge % kEdge, i / kEdge / kEdge);
+        return block_positions_[b] * kEdge + Vec3i(i % kEdge, i / kEdge % kEdge, i / kEdge / kEdge);
       });
   }
   for (const Tile& tile : tiles_) {
@@ -158,9 +156,9 @@ BadVoxels BlockField::sanitize(BadVoxelPolicy policy, const std::string& place,
       for (float& v : fill_->value) mend(v);
   }
   if (bad)
-    warnings->push_back(place + ": " + faults.describe() +
-                        (policy == BadVoxelPolicy::Clamp ? ": clamped to what is valid"
-                                                         : ": set to 0"));
+    warnings->push_back(
+        place + ": " + faults.describe() +
+        (policy == BadVoxelPolicy::Clamp ? ": clamped to what is valid" : ": set to 0"));
   return faults.counts;
 }
 
@@ -199,14 +197,16 @@ BlockIndex::BlockIndex(const BlockField& field, const std::string& place) : fiel
   for (std::size_t a = 0; a < 3; ++a) {
     if (lo[a] < -kMaxBlock || hi[a] > kMaxBlock)
       throw Error(ErrorKind::InvalidInput,
-                  place + ": voxel indices reach beyond +-2^30: move the grid to the origin of "
-                          "its index space");
+                  place +
+                      ": voxel indices reach beyond +-2^30: move the grid to the origin of "
+                      "its index space");
     // One more for the layer of bricks below.
     positions *= hi[a] - lo[a] + 2;
     if (positions > kMaxTopEntries)
       throw Error(ErrorKind::InvalidInput,
-                  place + ": extent too large: its bounding box has more than 2^27 blocks of 8x8x8 "
-                          "voxels: crop or resample the grid, or split it into several files");
+                  place +
+                      ": extent too large: its bounding box has more than 2^27 blocks of 8x8x8 "
+                      "voxels: crop or resample the grid, or split it into several files");
   }
   extent_ = {Vec3i(int(lo[0]), int(lo[1]), int(lo[2])), Vec3i(int(hi[0]), int(hi[1]), int(hi[2]))};
   const Vec3i size = extent_.max - extent_.min + Vec3i(1);
@@ -262,14 +262,13 @@ void BlockIndex::place_constant(const IndexBox& blocks, const std::array<float, 
 }
 
 void BlockIndex::clip_block(const Vec3i& block, const IndexBox& box) {
-  const std::size_t number = field_.block_positions_.size() +
-                             clipped_blocks_.size() /
-                                 (std::size_t(field_.channels_) * BlockField::kBlockVoxels);
+  const std::size_t number =
+      field_.block_positions_.size() +
+      clipped_blocks_.size() / (std::size_t(field_.channels_) * BlockField::kBlockVoxels);
   std::vector<float> values(std::size_t(field_.channels_) * BlockField::kBlockVoxels);
   for (int c = 0; c < field_.channels_; ++c)
     for_each(box, [&](const Vec3i& voxel) {
-      values[std::size_t(c * BlockField::kBlockVoxels + offset_in_block(voxel))] =
-          value(voxel, c);
+      values[std::size_t(c * BlockField::kBlockVoxels + offset_in_block(voxel))] = value(voxel, c);
     });
   clipped_blocks_.insert(clipped_blocks_.end(), values.begin(), values.end());
   entries_[slot(block)] = std::int32_t(number);
@@ -283,8 +282,8 @@ const float* BlockIndex::block(std::int32_t entry, int channel) const {
   const std::size_t own = field_.block_positions_.size(), number = std::size_t(entry);
   const float* base = number < own ? field_.block_values_.data() : clipped_blocks_.data();
   const std::size_t at = number < own ? number : number - own;
-  return base + (at * std::size_t(field_.channels_) + std::size_t(channel)) *
-                    BlockField::kBlockVoxels;
+  return base +
+         (at * std::size_t(field_.channels_) + std::size_t(channel)) * BlockField::kBlockVoxels;
 }
 
 float BlockIndex::value(const Vec3i& voxel, int channel) const {
@@ -331,8 +330,7 @@ class BrickBuilder {
 
   Around around(const Vec3i& b) const {
     Around e;
-    for (int i = 0; i < 8; ++i)
-      e[std::size_t(i)] = index_.at(b + Vec3i(i & 1, i >> 1 & 1, i >> 2));
+    for (int i = 0; i < 8; ++i) e[std::size_t(i)] = index_.at(b + Vec3i(i & 1, i >> 1 & 1, i >> 2));
     return e;
   }
   float uniform_value(std::int32_t entry) const {

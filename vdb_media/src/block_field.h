@@ -100,7 +100,8 @@ class BlockIndex {
   IndexBox extent_;
   std::vector<std::int32_t> entries_;
   std::vector<std::array<float, 3>> constants_;
-  std::vector<float> clipped_blocks_;  // Those that the edge of a fill cuts; numbered after the field's.
+  std::vector<float>
+      clipped_blocks_;  // Those that the edge of a fill cuts; numbered after the field's.
 };
 
 }  // namespace brume

@@ -84,8 +84,8 @@ pid_t spawn_self(const std::string& argument, int request_fd, int result_fd, int
   check(posix_spawnattr_setsigmask(&s.attributes, &none));
   check(posix_spawnattr_setsigdefault(&s.attributes, &all));
   check(posix_spawnattr_setpgroup(&s.attributes, 0));
-  check(posix_spawnattr_setflags(&s.attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF |
-                                                    POSIX_SPAWN_SETPGROUP));
+  check(posix_spawnattr_setflags(
+      &s.attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP));
   if (failed) fail("cannot describe the child process", failed);
 
   std::string name = "brume-grid-loader", option = argument, parent = std::to_string(::getpid());
@@ -229,8 +229,8 @@ ChildOutcome run_child_of_self(const std::string& argument, int request_fd, int 
     outcome.code = WEXITSTATUS(status);
   } else {
     outcome.code = WTERMSIG(status);
-    outcome.ending = outcome.code == SIGXCPU ? ChildOutcome::Ending::TimedOut
-                                             : ChildOutcome::Ending::Signalled;
+    outcome.ending =
+        outcome.code == SIGXCPU ? ChildOutcome::Ending::TimedOut : ChildOutcome::Ending::Signalled;
   }
   return outcome;
 }

@@ -1,8 +1,8 @@
 // A second copy of this program, started to do one thing under limits, and watched by the clock.
 //
-// The child is exec'ed, not merely forked: a fork of a process with threads may deadlock, and a fresh
-// image holds none of the parent's memory. Parent and child talk through two memory files: the
-// request at kRequestFd, the result at kResultFd.
+// The child is exec'ed, not merely forked: a fork of a process with threads may deadlock, and a
+// fresh image holds none of the parent's memory. Parent and child talk through two memory files:
+// the request at kRequestFd, the result at kResultFd.
 #pragma once
 
 #include <sys/types.h>
@@ -17,8 +17,8 @@ namespace brume {
 inline constexpr int kRequestFd = 3;
 inline constexpr int kResultFd = 4;
 
-// An empty file in memory, closed on exec and above the standard descriptors (which a caller may have
-// closed). Throws Error(Resource).
+// An empty file in memory, closed on exec and above the standard descriptors (which a caller may
+// have closed). Throws Error(Resource).
 UniqueFd make_memory_file(const char* name);
 
 // Forbids every further change, so that the bytes may be mapped and trusted to stay. Returns false
@@ -47,8 +47,8 @@ struct ChildLimits {
   std::uint64_t file_bytes = 0;  // Size of any file written, the result included.
 };
 
-// The child's side: dies with its parent, leaves no core file, gains no privileges. Returns false if
-// the parent is gone already.
+// The child's side: dies with its parent, leaves no core file, gains no privileges. Returns false
+// if the parent is gone already.
 bool bind_to_parent(pid_t parent);
 // Returns false where the system refuses a limit: then nothing may be parsed.
 bool apply_limits(const ChildLimits& limits);

@@ -36,7 +36,7 @@ void write_all(int fd, const char* data, std::size_t bytes) {
 class MappedFile {
  public:
   explicit MappedFile(int fd) {
-    struct stat s{};
+    struct stat s {};
     if (::fstat(fd, &s) != 0) throw BlobError("the result cannot be read");
     size_ = static_cast<std::size_t>(s.st_size);
     if (size_ == 0) return;
@@ -142,8 +142,8 @@ void put_info(BlobWriter& out, const GridInfo& g) {
   for (const std::string* text : {&g.name, &g.type, &g.grid_class, &g.transform, &g.compression})
     out.put(*text);
   out.put(std::uint8_t(g.saved_as_half));
-  for (const std::uint64_t n : {g.active_voxels, g.active_tiles, g.nan_voxels, g.infinite_voxels,
-                                g.negative_voxels})
+  for (const std::uint64_t n :
+       {g.active_voxels, g.active_tiles, g.nan_voxels, g.infinite_voxels, g.negative_voxels})
     out.put(n);
   for (const double v : {g.min, g.max, g.mean, g.background, g.proposed_density_scale}) out.put(v);
   out.put(g.voxel_size);
@@ -159,8 +159,8 @@ GridInfo get_info(BlobReader& in) {
   for (std::string* text : {&g.name, &g.type, &g.grid_class, &g.transform, &g.compression})
     *text = in.get_string();
   g.saved_as_half = in.get<std::uint8_t>() != 0;
-  for (std::uint64_t* n : {&g.active_voxels, &g.active_tiles, &g.nan_voxels, &g.infinite_voxels,
-                           &g.negative_voxels})
+  for (std::uint64_t* n :
+       {&g.active_voxels, &g.active_tiles, &g.nan_voxels, &g.infinite_voxels, &g.negative_voxels})
     *n = in.get<std::uint64_t>();
   for (double* v : {&g.min, &g.max, &g.mean, &g.background, &g.proposed_density_scale})
     *v = in.get<double>();

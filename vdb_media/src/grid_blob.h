@@ -1,9 +1,9 @@
 // What parent and loader child say to each other, as bytes.
 //
-// Both ends are the same binary, so numbers stand in the machine's own order and no version is kept.
-// The child has parsed a hostile file, so the parent believes nothing: every count is checked against
-// the bytes present before anything is allocated, and every number for its range (HARD_CASES,
-// security posture).
+// Both ends are the same binary, so numbers stand in the machine's own order and no version is
+// kept. The child has parsed a hostile file, so the parent believes nothing: every count is checked
+// against the bytes present before anything is allocated, and every number for its range
+// (HARD_CASES, security posture).
 //
 //   result   = trail[kTrailBytes] u64:kResultMagic u32:kind body, to the end of the file exactly
 //   trail    = text that says what the child was at, NUL-padded: names the grid if the child dies
@@ -73,16 +73,14 @@ class BlobWriter {
   explicit BlobWriter(int fd) : fd_(fd) {}
 
   template <typename T>
-    requires std::is_arithmetic_v<T>
-  void put(T value) {
-    put_bytes(&value, sizeof value);
-  }
+  requires std::is_arithmetic_v<T>
+  void put(T value) { put_bytes(&value, sizeof value); }
   void put(const std::string& text);
   void put(const std::vector<std::string>& texts);
   void put(const Vec3i& v);
   void put(const Vec3d& v);
   template <typename T>
-    requires std::is_arithmetic_v<T>
+  requires std::is_arithmetic_v<T>
   void put(const std::vector<T>& values) {
     put(std::uint64_t(values.size()));
     put_bytes(values.data(), values.size() * sizeof(T));
@@ -101,8 +99,7 @@ class BlobReader {
   explicit BlobReader(std::span<const char> bytes) : bytes_(bytes) {}
 
   template <typename T>
-    requires std::is_arithmetic_v<T>
-  T get() {
+  requires std::is_arithmetic_v<T> T get() {
     T value;
     get_bytes(&value, sizeof value);
     return value;
@@ -112,8 +109,7 @@ class BlobReader {
   Vec3i get_vec3i();
   Vec3d get_vec3d();
   template <typename T>
-    requires std::is_arithmetic_v<T>
-  std::vector<T> get_array() {
+  requires std::is_arithmetic_v<T> std::vector<T> get_array() {
     const auto count = get<std::uint64_t>();
     if (count > bytes_.size() / sizeof(T)) throw BlobError("an array is longer than the result");
     std::vector<T> values(count);

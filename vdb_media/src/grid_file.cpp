@@ -37,8 +37,9 @@ std::string seconds(double s) {
 
 void check_options(const std::string& file, const GridFileOptions& options) {
   if (!(options.timeout_s > 0) || !std::isfinite(options.timeout_s) || options.timeout_s > 1e6)
-    throw Error(ErrorKind::Usage, file + ": the time limit for loading must be above 0 and at "
-                                         "most 1e6 s");
+    throw Error(ErrorKind::Usage, file +
+                                      ": the time limit for loading must be above 0 and at "
+                                      "most 1e6 s");
 }
 
 // Throws for a child that ended otherwise than with a result.
@@ -53,11 +54,13 @@ void check_outcome(const std::string& file, const std::string& trail, const Chil
     case ChildOutcome::Ending::Signalled:
       refuse(place, "damaged: the reader crashed (signal " + signal_name(outcome.code) + ")" +
                         said + ": export the file again");
-    case ChildOutcome::Ending::Exited: break;
+    case ChildOutcome::Ending::Exited:
+      break;
   }
   if (outcome.code == kLoaderNotSetUp)
-    throw Error(ErrorKind::Resource, file + ": the system refused to limit the reader's memory or "
-                                            "time, so the file was not read");
+    throw Error(ErrorKind::Resource, file +
+                                         ": the system refused to limit the reader's memory or "
+                                         "time, so the file was not read");
   if (outcome.code != 0)
     refuse(place, "damaged: the reader gave up (status " + std::to_string(outcome.code) + ")" +
                       said + ": export the file again");
@@ -68,17 +71,18 @@ LoaderResult ask_child(LoaderRequest request) {
   check_options(shown_as, request.options);
   if (!loader_entry_noted)
     throw Error(ErrorKind::Resource,
-                shown_as + ": grids are read by a second copy of this program, and its main() "
-                           "does not provide for that: call brume::run_grid_loader_child(argc, "
-                           "argv) first in main() and return the value it gives");
+                shown_as +
+                    ": grids are read by a second copy of this program, and its main() "
+                    "does not provide for that: call brume::run_grid_loader_child(argc, "
+                    "argv) first in main() and return the value it gives");
   if (request.options.memory_limit_bytes == 0)
     request.options.memory_limit_bytes = default_memory_limit();
 
   const UniqueFd question = make_memory_file("brume-grid-request");
   const UniqueFd result = make_memory_file("brume-grid-result");
   write_request(question.get(), request);
-  const ChildOutcome outcome = run_child_of_self(kLoaderArgument, question.get(), result.get(),
-                                                 request.options.timeout_s);
+  const ChildOutcome outcome =
+      run_child_of_self(kLoaderArgument, question.get(), result.get(), request.options.timeout_s);
   check_outcome(shown_as, read_trail(result.get()), outcome, request.options.timeout_s);
   if (!seal_memory_file(result.get()))
     throw Error(ErrorKind::Resource, shown_as + ": the reader's result could not be sealed");

@@ -35,7 +35,7 @@ UniqueFd open_regular(const std::string& path, const std::string& shown_as) {
   if (path.find('\0') != std::string::npos) refuse(shown_as, "a path cannot hold NUL: rename it");
   UniqueFd fd(::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY));
   if (!fd.is_open()) refuse(shown_as, "cannot be opened: " + error_text(errno));
-  struct stat s{};
+  struct stat s {};
   if (::fstat(fd.get(), &s) != 0) refuse(shown_as, "cannot be read: " + error_text(errno));
   if (S_ISDIR(s.st_mode)) refuse(shown_as, "is a directory: name an OpenVDB file");
   if (!S_ISREG(s.st_mode)) refuse(shown_as, "is not a regular file: name an OpenVDB file");
@@ -148,8 +148,9 @@ std::optional<int> run_grid_loader_child(int argc, char** argv) {
   } catch (const std::system_error& e) {
     // The result's size is limited too (EFBIG), and memory files run out with memory (ENOSPC).
     write_result(kResultFd, Error(ErrorKind::InvalidInput,
-                                  printable(request.file, 1000) + ": its grids take more than the "
-                                  "memory limit of " +
+                                  printable(request.file, 1000) +
+                                      ": its grids take more than the "
+                                      "memory limit of " +
                                       mebibytes(request.options.memory_limit_bytes) + " (" +
                                       e.code().message() + "): raise --memory-limit"));
   }

@@ -126,8 +126,7 @@ std::string list_names(const std::vector<GridEntry>& entries) {
   for (std::size_t i = 0; i < entries.size() && i < kShown; ++i)
     text += (i == 0 ? "" : ", ") + display_name(entries, i) + " (" + printable(entries[i].type) +
             (entries[i].is_level_set ? ", level set)" : ")");
-  if (entries.size() > kShown)
-    text += " and " + std::to_string(entries.size() - kShown) + " more";
+  if (entries.size() > kShown) text += " and " + std::to_string(entries.size() - kShown) + " more";
   return text;
 }
 

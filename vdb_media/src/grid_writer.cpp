@@ -53,7 +53,8 @@ void check(const fs::path& file, const GridToWrite& g) {
   if (!g.save_as_half) return;
   for (const float v : g.values)
     if (std::isfinite(v) && std::abs(v) > kLargestHalf)
-      refuse("a value of " + std::to_string(v) + " does not fit half floats (at most 65504): "
+      refuse("a value of " + std::to_string(v) +
+             " does not fit half floats (at most 65504): "
              "write it in full");
 }
 
@@ -87,12 +88,15 @@ openvdb::GridBase::Ptr to_openvdb(const GridToWrite& g) {
         [&](std::size_t n) {
           return openvdb::Vec3f(g.values[3 * n], g.values[3 * n + 1], g.values[3 * n + 2]);
         },
-        [](const openvdb::Vec3f& v) { return v != openvdb::Vec3f(0.0f); });
+        [&](const openvdb::Vec3f& v) {
+          return v != openvdb::Vec3f(0.0f) && v != openvdb::Vec3f(g.background);
+        });
   } else {
-    const float width = g.background;
     grid = make_grid<openvdb::FloatGrid>(
         g, g.background, [&](std::size_t n) { return g.values[n]; },
-        [&](float v) { return g.is_level_set ? std::abs(v) < width : v != 0; });
+        [&](float v) {
+          return g.is_level_set ? std::abs(v) < g.background : v != 0 && v != g.background;
+        });
     grid->setGridClass(g.is_level_set ? openvdb::GRID_LEVEL_SET : openvdb::GRID_FOG_VOLUME);
   }
   grid->setName(g.name);
@@ -128,7 +132,7 @@ void stamp(const fs::path& file, std::vector<char>& bytes) {
 }
 
 std::vector<char> read_whole(const fs::path& file, int fd) {
-  struct stat s{};
+  struct stat s {};
   if (::fstat(fd, &s) != 0) fail(file, "cannot be read back", errno);
   std::vector<char> bytes(static_cast<std::size_t>(s.st_size));
   std::size_t done = 0;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <limits>
 #include <utility>
 
@@ -59,8 +60,7 @@ bool same(const T& a, const T& b) {
 template <typename T>
 std::array<float, 3> channels_of(const T& v) {
   std::array<float, 3> out{};
-  for (int c = 0; c < Value<T>::kChannels; ++c)
-    out[std::size_t(c)] = Value<T>::channel(v, c);
+  for (int c = 0; c < Value<T>::kChannels; ++c) out[std::size_t(c)] = Value<T>::channel(v, c);
   return out;
 }
 
@@ -80,7 +80,8 @@ bool is_supported_type(const std::string& type) {
 }
 bool is_vector_type(const std::string& type) { return type.starts_with("vec"); }
 
-// Calls visit(origin, edge in voxels, value, is_active) for every tile of a tree, background or not.
+// Calls visit(origin, edge in voxels, value, is_active) for every tile of a tree, background or
+// not.
 template <typename Tree, typename F>
 void visit_tiles(const Tree& tree, F visit) {
   auto it = tree.cbeginValueAll();
@@ -122,7 +123,8 @@ BlockField collect(const Tree& tree, BackgroundPolicy policy) {
   });
   if (has_background && policy == BackgroundPolicy::Keep) {
     openvdb::CoordBBox box;
-    if (tree.evalActiveVoxelBoundingBox(box)) field.set_fill({to_box(box), channels_of(background)});
+    if (tree.evalActiveVoxelBoundingBox(box))
+      field.set_fill({to_box(box), channels_of(background)});
   }
   return field;
 }
@@ -229,8 +231,8 @@ struct Resampled {
   Affine3d index_to_world;
 };
 
-// A frustum's voxels grow along its axis; marchers want them all alike. Samples a lattice as fine as
-// the smallest voxels, or as kMaxNodes allows.
+// A frustum's voxels grow along its axis; marchers want them all alike. Samples a lattice as fine
+// as the smallest voxels, or as kMaxNodes allows.
 Resampled resample_frustum(const BlockField& field, const openvdb::math::Transform& transform,
                            const std::string& place, std::vector<std::string>* warnings) {
   constexpr double kMaxNodes = 1 << 24;
@@ -352,19 +354,18 @@ struct VdbReader::Impl {
 
 void VdbReader::Impl::open() {
   guarded(shown_as, path, [&] {
-    // Eager: with delayed loading damage would show up later, elsewhere, and the file would be mapped.
+    // Eager: with delayed loading damage would show up later, elsewhere, and the file would be
+    // mapped.
     file.open(false);
     for (auto name = file.beginName(); name != file.endName(); ++name)
       unique_names.push_back(name.gridName());
   });
-  // OpenVDB tells grids of one name apart by a number it appends in file order: name, name[1], ...
-  // Sorted as text, [10] would come before [2].
+  // OpenVDB tells grids of one name apart by numbers in file order: name[0], name[1], ... Sorted as
+  // text, [10] would come before [2].
   const auto split = [](const std::string& unique) {
     const std::size_t open = unique.rfind('[');
-    long index = 0;
-    if (open != std::string::npos && unique.back() == ']')
-      index = std::strtol(unique.c_str() + open + 1, nullptr, 10);
-    return std::pair(index > 0 ? unique.substr(0, open) : unique, index);
+    if (open == std::string::npos || unique.back() != ']') return std::pair(unique, -1L);
+    return std::pair(unique.substr(0, open), std::strtol(unique.c_str() + open + 1, nullptr, 10));
   };
   std::stable_sort(unique_names.begin(), unique_names.end(),
                    [&](const auto& a, const auto& b) { return split(a) < split(b); });
@@ -387,21 +388,24 @@ void VdbReader::Impl::open() {
 void VdbReader::Impl::check_advertised_size(const openvdb::GridBase& metadata,
                                             const std::string& at) const {
   // Written by whoever wrote the file, so only good for refusing early.
-  const auto count = metadata.getMetadata<openvdb::Int64Metadata>(
-      openvdb::GridBase::META_FILE_VOXEL_COUNT);
+  const auto count =
+      metadata.getMetadata<openvdb::Int64Metadata>(openvdb::GridBase::META_FILE_VOXEL_COUNT);
   if (count && count->value() > 0 && std::uint64_t(count->value()) > options.max_voxels)
     refuse(at, "has " + std::to_string(count->value()) + " active voxels, over the limit of " +
                    std::to_string(options.max_voxels) + ": raise --max-voxels");
-  for (const char* key : {openvdb::GridBase::META_FILE_BBOX_MIN,
-                          openvdb::GridBase::META_FILE_BBOX_MAX}) {
+  for (const char* key :
+       {openvdb::GridBase::META_FILE_BBOX_MIN, openvdb::GridBase::META_FILE_BBOX_MAX}) {
     const auto corner = metadata.getMetadata<openvdb::Vec3IMetadata>(key);
-    if (!corner || metadata.getMetadata<openvdb::Int64Metadata>(
-                       openvdb::GridBase::META_FILE_VOXEL_COUNT) == nullptr || count->value() == 0)
+    if (!corner ||
+        metadata.getMetadata<openvdb::Int64Metadata>(openvdb::GridBase::META_FILE_VOXEL_COUNT) ==
+            nullptr ||
+        count->value() == 0)
       continue;  // The box of nothing is made of extreme numbers.
     for (int a = 0; a < 3; ++a)
       if (std::abs(std::int64_t(corner->value()[a])) > (std::int64_t(1) << 30))
-        refuse(at, "voxel indices reach beyond +-2^30: move the grid to the origin of its index "
-                   "space");
+        refuse(at,
+               "voxel indices reach beyond +-2^30: move the grid to the origin of its index "
+               "space");
   }
 }
 
@@ -425,8 +429,9 @@ void VdbReader::Impl::check_use(std::size_t entry, const openvdb::GridBase& grid
                                 GridRole role) const {
   const std::string at = place(entry), type = grid.valueType();
   if (type.starts_with("ptdata") || type.starts_with("ptidx"))
-    refuse(at, "points are not supported: rasterise them to a fog volume first (Houdini: VDB "
-               "Rasterize Points)");
+    refuse(at,
+           "points are not supported: rasterise them to a fog volume first (Houdini: VDB "
+           "Rasterize Points)");
   if (!is_supported_type(type))
     refuse(at, "values of type " + printable(type) +
                    " are not supported: store float, double, int, bool or vec3");
@@ -434,8 +439,9 @@ void VdbReader::Impl::check_use(std::size_t entry, const openvdb::GridBase& grid
     refuse(at, std::string("is a vector grid (") + type + "), and " + grid_role_name(role) +
                    " takes one number a voxel: store one component or the length");
   if (grid.getGridClass() == openvdb::GRID_LEVEL_SET)
-    refuse(at, "is a level set, a surface rather than fog: convert it to a fog volume (Houdini: "
-               "Convert VDB; OpenVDB: sdfToFogVolume)");
+    refuse(at,
+           "is a level set, a surface rather than fog: convert it to a fog volume (Houdini: "
+           "Convert VDB; OpenVDB: sdfToFogVolume)");
   if (grid.getGridClass() == openvdb::GRID_STAGGERED)
     refuse(at, "is a staggered velocity grid: name a fog volume");
 }
@@ -487,10 +493,10 @@ LoadedArrays VdbReader::load(std::size_t entry, GridRole role) const {
         refuse(at, "its background is " + value +
                        ", not 0, so it would fill all space: use --background zero, or keep to "
                        "fill the box of its active voxels");
-      loaded.warnings.push_back(
-          at + ": its background " + value +
-          (policy == BackgroundPolicy::Zero ? " is taken as 0"
-                                            : " fills the box of its active voxels, 0 outside"));
+      loaded.warnings.push_back(at + ": its background " + value +
+                                (policy == BackgroundPolicy::Zero
+                                     ? " is taken as 0"
+                                     : " fills the box of its active voxels, 0 outside"));
     }
     field = collect(tree, policy);
   });
@@ -521,8 +527,8 @@ GridInfo VdbReader::inspect(std::size_t entry) const {
     info.grid_class = class_name(*grid);
     info.transform = printable(grid->transform().mapType());
     info.saved_as_half = grid->saveFloatAsHalf();
-    const auto compression = grid->getMetadata<openvdb::StringMetadata>(
-        openvdb::GridBase::META_FILE_COMPRESSION);
+    const auto compression =
+        grid->getMetadata<openvdb::StringMetadata>(openvdb::GridBase::META_FILE_COMPRESSION);
     info.compression = compression ? printable(compression->value()) : "unknown";
     info.active_voxels = grid->activeVoxelCount();
     info.voxel_size = to_vec3d(grid->voxelSize());

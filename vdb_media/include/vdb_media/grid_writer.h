@@ -10,7 +10,8 @@
 
 namespace brume {
 
-// A dense block of float (or vec3) nodes to be written as one grid; zero nodes become inactive.
+// A dense block of float (or vec3) nodes to be written as one grid; nodes of value 0
+// or of the background become inactive.
 struct GridToWrite {
   std::string name = "density";
   Vec3i first{0};                // Index of the first node.
