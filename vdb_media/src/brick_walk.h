@@ -87,14 +87,15 @@ void walk_bricks(const BrickGrid& grid, const Entry& entry, Visit&& visit) {
   const IndexRay& ray = entry.ray;
   const Vec3i first = grid.brick_min(), count = grid.brick_count();
   Vec3i brick;
-  std::array<double, 3> next;  // Where the ray leaves the brick, by axis.
-  std::array<int, 3> step;
+  std::array<double, 3> next;     // Where the ray leaves the brick, by axis.
+  std::array<int, 3> step, left;  // `left`: bricks ahead in the grid.
   for (int a = 0; a < 3; ++a) {
     const double p = ray.at(a, entry.begin) / kCells - first[a];
     step[a] = ray.is_parallel(a) ? 0 : ray.direction[a] < 0 ? -1 : 1;
     const double cell = step[a] < 0 ? std::ceil(p) - 1 : std::floor(p);
     brick[a] = int(std::clamp(cell, 0.0, double(count[a] - 1)));
     next[a] = kInfinity;
+    left[a] = 0;
     if (step[a] == 0) continue;
     const auto exit_of = [&](int b) {
       return ray.plane(a, double(kCells) * (first[a] + b + (step[a] > 0 ? 1 : 0)));
@@ -107,20 +108,21 @@ void walk_bricks(const BrickGrid& grid, const Entry& entry, Visit&& visit) {
       brick[a] += step[a];
       if (brick[a] < 0 || brick[a] >= count[a]) return;
     }
+    left[a] = step[a] > 0 ? count[a] - 1 - brick[a] : brick[a];
   }
   double t = entry.begin;
   while (true) {
-    const int axis =
-        next[0] <= next[1] ? (next[0] <= next[2] ? 0 : 2) : (next[1] <= next[2] ? 1 : 2);
+    // Which axis is next is anybody's guess, so no branch is taken on it.
+    int axis = next[1] < next[0];
+    axis = next[2] < next[axis] ? 2 : axis;
     const double out = std::min(next[axis], entry.end);
     if (out > t) {
       const std::int32_t top = grid.top(brick);
       if (top != BrickGrid::kEmpty) visit(top, (first + brick) * kCells, t, out);
       t = out;
     }
-    if (!(next[axis] < entry.end)) return;
+    if (!(next[axis] < entry.end) || left[axis]-- == 0) return;
     brick[axis] += step[axis];
-    if (brick[axis] < 0 || brick[axis] >= count[axis]) return;
     next[axis] = ray.plane(axis, double(kCells) * (first[axis] + brick[axis] + (step[axis] > 0)));
   }
 }

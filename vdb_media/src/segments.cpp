@@ -1,7 +1,8 @@
 #include "segments.h"
 
 #include <algorithm>
-#include <memory>
+#include <bit>
+#include <cstring>
 
 namespace brume {
 namespace {
@@ -9,83 +10,158 @@ namespace {
 constexpr int kNodes = BrickGrid::kNodes;
 constexpr std::size_t kAlignment = 64;
 
-// The cell of a place, given in node units from the brick's corner. Rounding may put it a hair
-// outside, where the nearest cell continues the field.
-inline void put(const Field& field, const Span& span, double begin, double middle, double length,
-                Segments& s, int i) {
-  s.begin[i] = begin;
-  s.middle[i] = middle;
-  s.length[i] = length;
-  double p[3], cell[3];
-  for (int a = 0; a < 3; ++a) {
-    p[a] = field.ray.at(a, middle) - span.corner[a];
-    cell[a] = int(std::min(std::max(p[a], 0.0), double(kNodes - 2)));
-    s.fraction[a][i] = float(p[a] - cell[a]);
+// Four at a time: two registers of any x86-64 or ARM CPU, and plain arithmetic elsewhere.
+constexpr int kFour = 4;
+using Four = float __attribute__((vector_size(kFour * sizeof(float))));
+
+using Two = double __attribute__((vector_size(2 * sizeof(double))));
+
+inline Two load_two(const double* from) {
+  Two v;
+  std::memcpy(&v, from, sizeof v);
+  return v;
+}
+
+// Four segments around `middle`. Rounding may put one a hair outside the brick, where the nearest
+// cell continues the field.
+inline void put(const IndexRay& ray, const Span& span, Segments& s, int i) {
+  // Added to a small number it rounds it to an integer, which then fills the low bits.
+  constexpr double kMagic = 0x1p52;
+  constexpr Two kZero{0, 0}, kLast{kNodes - 2, kNodes - 2}, kOne{1, 1};
+  for (int l = i; l < i + kFour; l += 2) {
+    const Two middle = load_two(s.middle + l);
+    Two node = {};
+    for (int a = 2; a >= 0; --a) {
+      const Two p = ray.origin[a] + ray.direction[a] * middle - span.corner[a];
+      const Two above = p > kZero ? p : kZero;
+      const Two held = above < kLast ? above : kLast;
+      const Two rounded = (held + kMagic) - kMagic;
+      const Two cell = rounded - (rounded > held ? kOne : kZero);
+      const Two fraction = p - cell;
+      s.fraction[a][l] = float(fraction[0]);
+      s.fraction[a][l + 1] = float(fraction[1]);
+      node = node * double(kNodes) + cell;
+    }
+    for (int k = 0; k < 2; ++k)
+      s.offset[l + k] = span.offset + (std::bit_cast<std::int64_t>(node[k] + kMagic) -
+                                       std::bit_cast<std::int64_t>(kMagic));
   }
-  s.offset[i] = span.offset + std::int64_t(cell[0] + kNodes * cell[1] + kNodes * kNodes * cell[2]);
+}
+
+// The crossings of one axis with a brick's planes, ascending, and endless ones after them. Returns
+// the first that is past the begin.
+inline const double* crossings(const IndexRay& ray, const Span& span, int axis,
+                               std::array<double, 9>& t) {
+  t[8] = kInfinity;
+  if (ray.is_parallel(axis)) return &t[8];
+  const double first = span.corner[axis] + (ray.direction[axis] < 0 ? 8 : 0);
+  const double step = ray.direction[axis] < 0 ? -1 : 1;
+  for (int k = 0; k < 8; ++k) t[k] = ray.plane(axis, first + step * k);
+  int before = 0;
+  for (int k = 0; k < 8; ++k) before += t[k] <= span.begin;
+  return &t[before];
 }
 
 void collect_scalar(const Field& field, const Span* spans, int span_count, const double* cuts,
                     Segments& segments) {
   const IndexRay& ray = field.ray;
   segments.tiles.clear();
-  segments.count = 0;
+  int count = 0;
+  std::array<double, 9> planes[3];
+  std::array<double, kMaxCuts + 1> more;
   for (int n = 0; n < span_count; ++n) {
     const Span& span = spans[n];
     if (span.tile >= 0) {
+      segments.count = count;
       collect_tile(span, cuts, segments);
+      count = segments.count;
       continue;
     }
-    double next[3], plane[3], step[3];
-    for (int a = 0; a < 3; ++a) {
-      next[a] = kInfinity;
-      plane[a] = step[a] = 0;
-      if (ray.is_parallel(a)) continue;
-      step[a] = ray.direction[a] < 0 ? -1 : 1;
-      const double p = ray.at(a, span.begin) - span.corner[a];
-      plane[a] = span.corner[a] + (step[a] < 0 ? std::ceil(p) - 1 : std::floor(p) + 1);
-      while (ray.plane(a, plane[a] - step[a]) > span.begin) plane[a] -= step[a];
-      while ((next[a] = ray.plane(a, plane[a])) <= span.begin) plane[a] += step[a];
-    }
-    int cut = 0, i = segments.count;
-    double t = span.begin;
+    const double* x = crossings(ray, span, 0, planes[0]);
+    const double* y = crossings(ray, span, 1, planes[1]);
+    const double* z = crossings(ray, span, 2, planes[2]);
+    for (int k = 0; k < span.cut_count; ++k) more[k] = cuts[span.first_cut + k];
+    more[span.cut_count] = kInfinity;
+    const double* c = more.data();
+    // Merged without a branch on which is next, for that is anybody's guess.
+    double* out = segments.begin + count;
+    *out = span.begin;
     while (true) {
-      const double next_cut = cut < span.cut_count ? cuts[span.first_cut + cut] : kInfinity;
-      const int axis =
-          next[0] <= next[1] ? (next[0] <= next[2] ? 0 : 2) : (next[1] <= next[2] ? 1 : 2);
-      const double out = std::min(std::min(next[axis], next_cut), span.end);
-      put(field, span, t, 0.5 * (t + out), out - t, segments, i++);
-      if (out == span.end) break;
-      t = out;
-      if (next_cut == out) {
-        ++cut;
-      } else {
-        plane[axis] += step[axis];
-        next[axis] = ray.plane(axis, plane[axis]);
-      }
+      const bool x_first = *x <= *y, z_first = *z <= *c;
+      const double xy = std::min(*x, *y), zc = std::min(*z, *c);
+      const bool xy_first = xy <= zc;
+      const double t = std::min(xy, zc);
+      if (!(t < span.end)) break;
+      *++out = t;
+      x += xy_first & x_first;
+      y += xy_first & !x_first;
+      z += !xy_first & z_first;
+      c += !xy_first & !z_first;
     }
-    segments.count = i;
+    out[1] = span.end;
+    const int end = int(out - segments.begin) + 1;
+    for (int i = count; i < end; i += kFour) {
+      for (int l = 0; l < kFour; ++l) {
+        const double t0 = segments.begin[i + l], t1 = segments.begin[i + l + 1];
+        segments.middle[i + l] = 0.5 * (t0 + t1);
+        segments.length[i + l] = t1 - t0;
+      }
+      put(ray, span, segments, i);
+    }
+    // Nodes are read a dozen spans later, by when they have come.
+    for (int i = count; i < end; ++i) {
+      __builtin_prefetch(field.nodes + segments.offset[i]);
+      __builtin_prefetch(field.nodes + segments.offset[i] + kNodes * kNodes);
+    }
+    count = end;
   }
+  segments.count = count;
   pad_to_lanes(segments);
 }
 
-// A segment's polynomial around its middle, in floats.
-struct Cubic {
-  float value, vx, vy, vz, vxy, vxz, vyz, vxyz;
+// Polynomials of four segments around their middles.
+struct Cubics {
+  Four value, vx, vy, vz, vxy, vxz, vyz, vxyz;
 };
 
-inline Cubic cubic_at(const Field& field, const Segments& s, int i) {
-  const float* c = field.nodes + s.offset[i];
+// Two nodes that are neighbours along x, of four cells.
+struct NodePairs {
+  Four first, second;
+};
+inline double load_pair(const float* pair) {
+  double bits;
+  std::memcpy(&bits, pair, sizeof bits);
+  return bits;
+}
+inline NodePairs load_pairs(const float* nodes, const std::int64_t* offset) {
+  const Two low{load_pair(nodes + offset[0]), load_pair(nodes + offset[1])};
+  const Two high{load_pair(nodes + offset[2]), load_pair(nodes + offset[3])};
+  const Four a = reinterpret_cast<Four>(low), b = reinterpret_cast<Four>(high);
+  return {__builtin_shufflevector(a, b, 0, 2, 4, 6), __builtin_shufflevector(a, b, 1, 3, 5, 7)};
+}
+
+inline Four load(const float* from) {
+  Four v;
+  std::memcpy(&v, from, sizeof v);
+  return v;
+}
+
+inline Cubics cubics_at(const Field& field, const Segments& s, int i) {
   constexpr int kY = kNodes, kZ = kNodes * kNodes;
-  const float fx = s.fraction[0][i], fy = s.fraction[1][i], fz = s.fraction[2][i];
-  const float x00 = c[1] - c[0], x10 = c[kY + 1] - c[kY];
-  const float x01 = c[kZ + 1] - c[kZ], x11 = c[kZ + kY + 1] - c[kZ + kY];
-  const float v00 = c[0] + fx * x00, v10 = c[kY] + fx * x10;
-  const float v01 = c[kZ] + fx * x01, v11 = c[kZ + kY] + fx * x11;
-  const float y0 = v10 - v00, y1 = v11 - v01, xy0 = x10 - x00, xy1 = x11 - x01;
-  const float v0 = v00 + fy * y0, v1 = v01 + fy * y1;
-  const float x0 = x00 + fy * xy0, x1 = x01 + fy * xy1;
-  const float z = v1 - v0, xz = x1 - x0, yz = y1 - y0, xyz = xy1 - xy0;
+  const NodePairs c00 = load_pairs(field.nodes, s.offset + i);
+  const NodePairs c10 = load_pairs(field.nodes + kY, s.offset + i);
+  const NodePairs c01 = load_pairs(field.nodes + kZ, s.offset + i);
+  const NodePairs c11 = load_pairs(field.nodes + kZ + kY, s.offset + i);
+  const Four fx = load(s.fraction[0] + i), fy = load(s.fraction[1] + i),
+             fz = load(s.fraction[2] + i);
+  const Four x00 = c00.second - c00.first, x10 = c10.second - c10.first;
+  const Four x01 = c01.second - c01.first, x11 = c11.second - c11.first;
+  const Four v00 = c00.first + fx * x00, v10 = c10.first + fx * x10;
+  const Four v01 = c01.first + fx * x01, v11 = c11.first + fx * x11;
+  const Four y0 = v10 - v00, y1 = v11 - v01, xy0 = x10 - x00, xy1 = x11 - x01;
+  const Four v0 = v00 + fy * y0, v1 = v01 + fy * y1;
+  const Four x0 = x00 + fy * xy0, x1 = x01 + fy * xy1;
+  const Four z = v1 - v0, xz = x1 - x0, yz = y1 - y0, xyz = xy1 - xy0;
   return {v0 + fz * z, x0 + fz * xz, y0 + fz * yz, z, xy0 + fz * xyz, xz, yz, xyz};
 }
 
@@ -99,37 +175,44 @@ struct Direction {
   float scale;  // 0 where `middle` is a Gauss point and stands for its step as it is.
 };
 
-inline float mean_of(const Cubic& c, const Direction& d, float length) {
-  const float twelfth = length * length * (1.0f / 12);
-  const float q = d.x * d.y * c.vxy + d.x * d.z * c.vxz + d.y * d.z * c.vyz;
-  // The field is nowhere negative; only rounding is.
-  return std::max(c.value + q * twelfth, 0.0f);
+inline Four lengths(const Direction& d, const double* length) {
+  return Four{float(length[0]), float(length[1]), float(length[2]), float(length[3])} * d.scale;
 }
+
+inline Four mean_of(const Cubics& c, const Direction& d, Four length) {
+  const Four twelfth = length * length * (1.0f / 12);
+  const Four q = d.x * d.y * c.vxy + d.x * d.z * c.vxz + d.y * d.z * c.vyz;
+  const Four mean = c.value + q * twelfth, zero = {};
+  // The field is nowhere negative; only rounding is.
+  return mean > zero ? mean : zero;
+}
+
+inline void store(float* to, Four v) { std::memcpy(to, &v, sizeof v); }
 
 void evaluate_scalar(const Field& field, Want want, Segments& s) {
   const Direction d(field);
-  for (int i = 0; i < s.count; ++i) {
-    const Cubic c = cubic_at(field, s, i);
-    const float length = float(s.length[i]) * d.scale;
-    s.mean[i] = mean_of(c, d, length);
-    s.change[i] = length * (d.x * c.vx + d.y * c.vy + d.z * c.vz);
+  for (int i = 0; i < s.count; i += kFour) {
+    const Cubics c = cubics_at(field, s, i);
+    const Four length = lengths(d, s.length + i);
+    store(s.mean + i, mean_of(c, d, length));
+    store(s.change + i, length * (d.x * c.vx + d.y * c.vy + d.z * c.vz));
     if (want != Want::Gradients) continue;
-    const float k = length * (1.0f / 12), k2 = length * length * (1.0f / 12);
-    s.gradient[0][i] = c.vx + d.y * d.z * c.vxyz * k2;
-    s.gradient[1][i] = c.vy + d.x * d.z * c.vxyz * k2;
-    s.gradient[2][i] = c.vz + d.x * d.y * c.vxyz * k2;
-    s.moment[0][i] = (d.y * c.vxy + d.z * c.vxz) * k;
-    s.moment[1][i] = (d.x * c.vxy + d.z * c.vyz) * k;
-    s.moment[2][i] = (d.x * c.vxz + d.y * c.vyz) * k;
+    const Four k = length * (1.0f / 12), k2 = length * length * (1.0f / 12);
+    store(s.gradient[0] + i, c.vx + d.y * d.z * c.vxyz * k2);
+    store(s.gradient[1] + i, c.vy + d.x * d.z * c.vxyz * k2);
+    store(s.gradient[2] + i, c.vz + d.x * d.y * c.vxyz * k2);
+    store(s.moment[0] + i, (d.y * c.vxy + d.z * c.vxz) * k);
+    store(s.moment[1] + i, (d.x * c.vxy + d.z * c.vyz) * k);
+    store(s.moment[2] + i, (d.x * c.vxz + d.y * c.vyz) * k);
   }
 }
 
 double integrate_scalar(const Field& field, const Segments& s) {
   const Direction d(field);
   std::array<double, kLanes> lanes{};
-  for (int i = 0; i < s.count; ++i) {
-    const float length = float(s.length[i]) * d.scale;
-    lanes[i % kLanes] += double(mean_of(cubic_at(field, s, i), d, length)) * s.length[i];
+  for (int i = 0; i < s.count; i += kFour) {
+    const Four mean = mean_of(cubics_at(field, s, i), d, lengths(d, s.length + i));
+    for (int l = 0; l < kFour; ++l) lanes[i % kLanes + l] += double(mean[l]) * s.length[i + l];
   }
   return sum_lanes(lanes);
 }
@@ -191,6 +274,7 @@ void collect_coarse(const Field& field, const Span* spans, int span_count, const
       collect_tile(span, cuts, segments);
       continue;
     }
+    const int first = segments.count;
     double t = span.begin;
     for (int c = 0; c <= span.cut_count; ++c) {
       const double out = c < span.cut_count ? cuts[span.first_cut + c] : span.end;
@@ -199,12 +283,16 @@ void collect_coarse(const Field& field, const Span* spans, int span_count, const
       const double h = (out - t) / steps;
       for (int i = 0; i < steps; ++i) {
         const double centre = t + (i + 0.5) * h;
-        put(field, span, t + i * h, centre - kGauss * h, 0.5 * h, segments, segments.count);
-        put(field, span, centre, centre + kGauss * h, 0.5 * h, segments, segments.count + 1);
-        segments.count += 2;
+        for (const double side : {-1.0, 1.0}) {
+          const int at = segments.count++;
+          segments.begin[at] = side < 0 ? t + i * h : centre;
+          segments.middle[at] = centre + side * kGauss * h;
+          segments.length[at] = 0.5 * h;
+        }
       }
       t = out;
     }
+    for (int i = first; i < segments.count; i += kFour) put(field.ray, span, segments, i);
   }
   pad_to_lanes(segments);
 }

@@ -40,17 +40,54 @@ inline Pair merge(__m512d a, __m512d b) {
   return {sort_bitonic(_mm512_min_pd(a, b)), sort_bitonic(_mm512_max_pd(a, b))};
 }
 
-// The crossings of one axis with a brick's first eight planes, ascending, held within the span.
-inline __m512d crossings(const IndexRay& ray, const Span& span, int axis) {
-  const __m512d begin = _mm512_set1_pd(span.begin), end = _mm512_set1_pd(span.end);
-  if (ray.is_parallel(axis)) return end;
+// The crossings of one axis with a brick's first eight planes that lie inside a span: ascending,
+// and `end` after the last of them.
+struct Crossings {
+  __m512d t;
+  int count;
+};
+
+inline Crossings crossings(const IndexRay& ray, const Span& span, int axis, __m512d end) {
+  if (ray.is_parallel(axis)) return {end, 0};
   const __m512d up = _mm512_set_pd(7, 6, 5, 4, 3, 2, 1, 0);
   const __m512d down = _mm512_set_pd(1, 2, 3, 4, 5, 6, 7, 8);
   const __m512d plane =
       _mm512_add_pd(_mm512_set1_pd(span.corner[axis]), ray.direction[axis] < 0 ? down : up);
   const __m512d t = _mm512_mul_pd(_mm512_sub_pd(plane, _mm512_set1_pd(ray.origin[axis])),
                                   _mm512_set1_pd(ray.inverse[axis]));
-  return _mm512_min_pd(_mm512_max_pd(t, begin), end);
+  const __mmask8 inside = _mm512_mask_cmp_pd_mask(
+      _mm512_cmp_pd_mask(t, _mm512_set1_pd(span.begin), _CMP_GT_OQ), t, end, _CMP_LT_OQ);
+  return {_mm512_mask_compress_pd(end, inside, t), __builtin_popcount(inside)};
+}
+
+// Eight segments from their ends.
+inline void put(const IndexRay& ray, const Span& span, __m512d t0, __m512d t1, Segments& s, int i) {
+  const __m512d middle = _mm512_mul_pd(_mm512_set1_pd(0.5), _mm512_add_pd(t0, t1));
+  _mm512_storeu_pd(s.begin + i, t0);
+  _mm512_storeu_pd(s.middle + i, middle);
+  _mm512_storeu_pd(s.length + i, _mm512_sub_pd(t1, t0));
+  __m512d cell[3];
+  for (int a = 0; a < 3; ++a) {
+    const __m512d p =
+        _mm512_sub_pd(_mm512_add_pd(_mm512_set1_pd(ray.origin[a]),
+                                    _mm512_mul_pd(_mm512_set1_pd(ray.direction[a]), middle)),
+                      _mm512_set1_pd(span.corner[a]));
+    const __m512d held =
+        _mm512_min_pd(_mm512_max_pd(p, _mm512_setzero_pd()), _mm512_set1_pd(kNodes - 2));
+    cell[a] = _mm512_roundscale_pd(held, _MM_FROUND_TO_ZERO | _MM_FROUND_NO_EXC);
+    _mm256_storeu_ps(s.fraction[a] + i, _mm512_cvtpd_ps(_mm512_sub_pd(p, cell[a])));
+  }
+  const __m512d node =
+      _mm512_add_pd(_mm512_add_pd(cell[0], _mm512_mul_pd(cell[1], _mm512_set1_pd(kNodes))),
+                    _mm512_mul_pd(cell[2], _mm512_set1_pd(kNodes * kNodes)));
+  _mm512_storeu_si512(s.offset + i,
+                      _mm512_add_epi64(_mm512_set1_epi64(span.offset), _mm512_cvttpd_epi64(node)));
+}
+
+// The row before `v`, moved up by one to end with v's first seven.
+inline __m512d shifted(__m512d before, __m512d v) {
+  return _mm512_castsi512_pd(
+      _mm512_alignr_epi64(_mm512_castpd_si512(v), _mm512_castpd_si512(before), 7));
 }
 
 void collect_avx512(const Field& field, const Span* spans, int span_count, const double* cuts,
@@ -58,7 +95,6 @@ void collect_avx512(const Field& field, const Span* spans, int span_count, const
   const IndexRay& ray = field.ray;
   segments.tiles.clear();
   int count = 0;
-  alignas(64) double t[48];
   for (int n = 0; n < span_count; ++n) {
     const Span& span = spans[n];
     if (span.tile >= 0) {
@@ -67,67 +103,46 @@ void collect_avx512(const Field& field, const Span* spans, int span_count, const
       count = segments.count;
       continue;
     }
+    // All that is inside, sorted, in four rows; `end` after it.
     const __m512d begin = _mm512_set1_pd(span.begin), end = _mm512_set1_pd(span.end);
-    const __m512d x = crossings(ray, span, 0), y = crossings(ray, span, 1),
-                  z = crossings(ray, span, 2);
-    // How many lie at the begin, and how many inside: the others wait at the end.
-    const auto at_begin = [&](__m512d v) {
-      return __builtin_popcount(_mm512_cmp_pd_mask(v, begin, _CMP_LE_OQ));
-    };
-    const auto at_end = [&](__m512d v) {
-      return __builtin_popcount(_mm512_cmp_pd_mask(v, end, _CMP_GE_OQ));
-    };
-    const int leading = at_begin(x) + at_begin(y) + at_begin(z);
-    int inside = 24 - leading - at_end(x) - at_end(y) - at_end(z);
-    const Pair xy = merge(x, y);
+    const Crossings x = crossings(ray, span, 0, end), y = crossings(ray, span, 1, end),
+                    z = crossings(ray, span, 2, end);
+    int inside = x.count + y.count + z.count;
+    const Pair xy = merge(x.t, y.t);
+    __m512d t0, t1, t2, t3;
     if (span.cut_count == 0) {
-      // Sixteen and eight: the upper half of z is all at infinity and drops out.
-      const __m512d zr = reversed(z);
-      const __m512d middle = _mm512_min_pd(xy.high, zr), high = _mm512_max_pd(xy.high, zr);
-      _mm512_store_pd(t, sort_bitonic(_mm512_min_pd(xy.low, middle)));
-      _mm512_store_pd(t + 8, sort_bitonic(_mm512_max_pd(xy.low, middle)));
-      _mm512_store_pd(t + 16, sort_bitonic(high));
-      _mm512_store_pd(t + 24, end);
+      // Sixteen and eight: z's upper half would all be at the end and drops out.
+      const __m512d zr = reversed(z.t);
+      const __m512d middle = _mm512_min_pd(xy.high, zr);
+      t0 = sort_bitonic(_mm512_min_pd(xy.low, middle));
+      t1 = sort_bitonic(_mm512_max_pd(xy.low, middle));
+      t2 = sort_bitonic(_mm512_max_pd(xy.high, zr));
+      t3 = end;
     } else {
       const __mmask8 used = __mmask8((1u << span.cut_count) - 1);
       const __m512d c = _mm512_mask_loadu_pd(end, used, cuts + span.first_cut);
       inside += span.cut_count;
-      const Pair zc = merge(z, c);
+      const Pair zc = merge(z.t, c);
       const __m512d r0 = reversed(zc.high), r1 = reversed(zc.low);
       const __m512d a0 = _mm512_min_pd(xy.low, r0), a1 = _mm512_min_pd(xy.high, r1);
       const __m512d b0 = _mm512_max_pd(xy.low, r0), b1 = _mm512_max_pd(xy.high, r1);
-      _mm512_store_pd(t, sort_bitonic(_mm512_min_pd(a0, a1)));
-      _mm512_store_pd(t + 8, sort_bitonic(_mm512_max_pd(a0, a1)));
-      _mm512_store_pd(t + 16, sort_bitonic(_mm512_min_pd(b0, b1)));
-      _mm512_store_pd(t + 24, sort_bitonic(_mm512_max_pd(b0, b1)));
-      _mm512_store_pd(t + 32, end);
+      t0 = sort_bitonic(_mm512_min_pd(a0, a1));
+      t1 = sort_bitonic(_mm512_max_pd(a0, a1));
+      t2 = sort_bitonic(_mm512_min_pd(b0, b1));
+      t3 = sort_bitonic(_mm512_max_pd(b0, b1));
     }
-    // The last of the leading ones is the begin; where no axis starts before it, there is none.
-    const double* from = t + leading - 1;
-    for (int i = 0; i <= inside; i += 8, from += 8) {
-      const __m512d t0 = _mm512_loadu_pd(from), t1 = _mm512_loadu_pd(from + 1);
-      const __m512d middle = _mm512_mul_pd(_mm512_set1_pd(0.5), _mm512_add_pd(t0, t1));
-      _mm512_storeu_pd(segments.begin + count + i, t0);
-      _mm512_storeu_pd(segments.middle + count + i, middle);
-      _mm512_storeu_pd(segments.length + count + i, _mm512_sub_pd(t1, t0));
-      __m512d cell[3];
-      for (int a = 0; a < 3; ++a) {
-        const __m512d p =
-            _mm512_sub_pd(_mm512_add_pd(_mm512_set1_pd(ray.origin[a]),
-                                        _mm512_mul_pd(_mm512_set1_pd(ray.direction[a]), middle)),
-                          _mm512_set1_pd(span.corner[a]));
-        const __m512d held =
-            _mm512_min_pd(_mm512_max_pd(p, _mm512_setzero_pd()), _mm512_set1_pd(kNodes - 2));
-        cell[a] = _mm512_roundscale_pd(held, _MM_FROUND_TO_ZERO | _MM_FROUND_NO_EXC);
-        _mm256_storeu_ps(segments.fraction[a] + count + i,
-                         _mm512_cvtpd_ps(_mm512_sub_pd(p, cell[a])));
-      }
-      const __m512d node =
-          _mm512_add_pd(_mm512_add_pd(cell[0], _mm512_mul_pd(cell[1], _mm512_set1_pd(kNodes))),
-                        _mm512_mul_pd(cell[2], _mm512_set1_pd(kNodes * kNodes)));
-      _mm512_storeu_si512(
-          segments.offset + count + i,
-          _mm512_add_epi64(_mm512_set1_epi64(span.offset), _mm512_cvttpd_epi64(node)));
+    // Most spans have up to sixteen segments: a branch between eight and sixteen would cost more.
+    put(ray, span, shifted(begin, t0), t0, segments, count);
+    put(ray, span, shifted(t0, t1), t1, segments, count + 8);
+    if (inside >= 16) {
+      put(ray, span, shifted(t1, t2), t2, segments, count + 16);
+      put(ray, span, shifted(t2, t3), t3, segments, count + 24);
+    }
+    // Nodes are read a dozen spans later, by when they have come.
+    for (int i = count; i <= count + inside; ++i) {
+      const char* cell = reinterpret_cast<const char*>(field.nodes + segments.offset[i]);
+      _mm_prefetch(cell, _MM_HINT_T0);
+      _mm_prefetch(cell + sizeof(float) * kNodes * kNodes, _MM_HINT_T0);
     }
     count += inside + 1;
   }

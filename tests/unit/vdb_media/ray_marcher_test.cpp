@@ -574,6 +574,23 @@ TEST(ShellMarcher, HomogeneousIsClosedForm) {
   EXPECT_EQ(counters.segments, 3u);
 }
 
+// Thin shells take another formula than thick ones.
+TEST(ShellMarcher, SamplesOfHomogeneousShellsInvertTheirTransmittance) {
+  const std::vector<double> edges{0, 1};
+  MarchCounters counters;
+  for (double sigma = 1e-9; sigma < 1e3; sigma *= 1.3) {
+    const Medium medium({make_box(Vec3d(-1), Vec3d(2), RgbD(sigma))});
+    ShellMarcher marcher(medium, {});
+    for (const double u : {0.0, 0.01, 0.3, 0.5, 0.9, 0.999}) {
+      const std::vector<double> jitter{u};
+      marcher.march({}, edges, kInfinity, jitter, false, counters);
+      const long double s = sigma;
+      const double expected = double(-std::log1p(u * std::expm1(-s)) / s);
+      EXPECT_NEAR(marcher.shell(0, 0).t_sample, expected, 3e-8) << sigma << " " << u;
+    }
+  }
+}
+
 TEST(ShellMarcher, CopiesShareNothing) {
   const Medium medium({make_volume(make_lumps(scaling(Vec3d(0.1))))});
   ShellMarcher a(medium, {});
