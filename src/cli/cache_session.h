@@ -1,0 +1,61 @@
+// A cache file during one run: which of SPEC's states it is in, and what the mode makes of that.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "bake/bake.h"
+#include "cache/cache_file.h"
+
+namespace brume {
+
+// A cache that must be there and be ours, with the settings it was baked with.
+struct OpenedCache {
+  CacheHeader header;
+  BakeSettings settings;
+  IrradianceCache cache;
+};
+
+// Settings as BakeSettings::to_json() wrote them. Throws Error(InvalidInput) naming `file` for others.
+BakeSettings read_bake_settings(const std::string& json, const std::filesystem::path& file);
+
+// For readers (verify, probe): whatever its settings, it must have been baked from this world. Throws
+// Error(InvalidInput) with the reason.
+OpenedCache open_cache_of_world(const std::filesystem::path& file, const World& world);
+
+class CacheSession {
+ public:
+  // Without a file the session lives in memory alone. Throws Error(InvalidInput) for a file that is
+  // stale, corrupt or foreign, unless the mode is New; for a missing one where the mode is Read.
+  CacheSession(const CacheSettings& choice, const World& world, const BakeSettings& settings);
+
+  bool has_file() const { return !file_.empty(); }
+  const std::filesystem::path& file() const { return file_; }
+  Fingerprint fingerprint() const { return fingerprint_; }
+  bool may_bake() const { return mode_ != CacheMode::Read; }
+  // What the file held and the mode keeps; null for nothing.
+  std::shared_ptr<const IrradianceCache> existing() const { return existing_; }
+
+  // Writes `cache` if a file was named and `added` records came new, or the file is to be replaced.
+  // Returns whether it did; otherwise the file is untouched.
+  bool save(const IrradianceCache& cache, std::size_t added) const;
+
+ private:
+  std::filesystem::path file_;
+  CacheMode mode_;
+  BakeSettings settings_;
+  Fingerprint fingerprint_;
+  std::shared_ptr<const IrradianceCache> existing_;
+};
+
+// How many places find no record: pixel centres of the views, or points spread over all surfaces.
+struct Coverage {
+  std::size_t asked = 0, uncovered = 0;
+};
+Coverage measure_coverage(const World& world, const BakeSettings& settings,
+                          const IrradianceCache& cache, const BakeRequest& request);
+
+}  // namespace brume

@@ -1,0 +1,310 @@
+// brume probe: irradiance and its gradients at one point, term by term.
+//
+// Gradients are shown per metre, whatever the scene's unit; positions and radii in scene units (SPEC).
+#include <array>
+
+#include "cli/cache_session.h"
+#include "cli/commands.h"
+#include "cli/outputs.h"
+#include "cli/progress.h"
+#include "cli/shared_options.h"
+#include "cli/signals.h"
+#include "cli/stopping.h"
+#include "cli/text_table.h"
+#include "cli/values.h"
+#include "core/error.h"
+#include "core/random.h"
+
+namespace brume {
+namespace {
+
+// Enough that the direct light of an area light is known to about a percent.
+constexpr int kDirectSamples = 256;
+// Independent repetitions for the noise of the finite difference.
+constexpr int kNoiseSeeds = 8;
+
+struct ProbeOptions {
+  SceneOptions scene;
+  AccuracyOptions accuracy;
+  std::optional<Vec3d> position, normal;
+  std::optional<double> finite_difference;
+  std::filesystem::path cache_file;
+};
+
+struct FiniteDifference {
+  RgbGradient value;  // With the random numbers of the probe itself.
+  RgbGradient noise;  // Standard deviation of `value` over seeds.
+};
+
+struct Answers {
+  GatherPoint point;
+  GatherResult gather;
+  std::array<GradientTerms, 4> by_mode;  // In kModes' order.
+  RgbD direct;
+  double radius = 0;
+  std::optional<FiniteDifference> difference;
+};
+
+constexpr std::array kModes{GradientMode::None, GradientMode::WardHeckbert, GradientMode::Media,
+                            GradientMode::Full};
+
+std::uint64_t probe_key(std::uint64_t seed, int repetition) {
+  return random_key(seed, std::uint64_t{0x70726f6265}, repetition);
+}
+
+RgbGradient central_difference(Gatherer& gatherer, GatherPoint point, const HitLight& below, double h,
+                               Counters& counters) {
+  RgbGradient result;
+  const Vec3d centre = point.position;
+  for (int axis = 0; axis < 3; ++axis) {
+    Vec3d step(0.0);
+    step[axis] = h;
+    point.position = centre + step;
+    const RgbD ahead = gatherer.gather(point, below, counters).irradiance;
+    point.position = centre - step;
+    const RgbD behind = gatherer.gather(point, below, counters).irradiance;
+    for (int c = 0; c < 3; ++c) result[c][axis] = (ahead[c] - behind[c]) / (2 * h);
+  }
+  return result;
+}
+
+FiniteDifference finite_difference(Gatherer& gatherer, const GatherPoint& point,
+                                   const HitLight& below, double h, std::uint64_t seed,
+                                   Counters& counters) {
+  FiniteDifference result;
+  std::array<RgbGradient, kNoiseSeeds> samples;
+  RgbGradient mean;
+  for (int i = 0; i < kNoiseSeeds; ++i) {
+    GatherPoint shifted = point;
+    shifted.key = probe_key(seed, i);
+    samples[i] = central_difference(gatherer, shifted, below, h, counters);
+    mean += samples[i] * (1.0 / kNoiseSeeds);
+  }
+  result.value = samples[0];
+  for (int c = 0; c < 3; ++c)
+    for (int axis = 0; axis < 3; ++axis) {
+      double squares = 0;
+      for (const RgbGradient& s : samples) squares += std::pow(s[c][axis] - mean[c][axis], 2);
+      result.noise[c][axis] = std::sqrt(squares / (kNoiseSeeds - 1));
+    }
+  return result;
+}
+
+// Light that hits reflect further, over all surfaces.
+BakeResult bake_deeper_light(const Lighting& lighting, const BakeSettings& settings,
+                             const CommandContext& context, Statistics& statistics) {
+  Progress progress(context);
+  BakeRequest request;
+  request.everywhere = true;
+  request.threads = context.threads;
+  request.progress = progress.callback();
+  request.stop_requested = SignalWatch::stop_requested;
+  BakeResult baked = statistics.timed(
+      "bake", [&] { return bake_deeper_layers(lighting, settings, request, nullptr); });
+  statistics.add_bake(baked.stats);
+  if (!baked.is_stopped) progress.finish();
+  return baked;
+}
+
+Answers gather_answers(const ProbeOptions& options, const Lighting& lighting,
+                       const BakeSettings& settings, const GatherOptions& point_options,
+                       const IrradianceCache& deeper, Statistics& statistics) {
+  const Effects effects = plan_effects(lighting.world(), settings.bounces, settings.volume_bounces);
+  const HitLight below = light_below(deeper, top_layer(settings));
+  const std::uint64_t seed = options.accuracy.seed.value_or(settings.seed);
+  Answers a;
+  a.point.position = *options.position;
+  a.point.normal = options.normal->normalized();
+  a.point.key = probe_key(seed, 0);
+  {
+    // Full gathers what every other mode needs.
+    GatherOptions all = point_options;
+    all.gradient = GradientMode::Full;
+    Gatherer gatherer(lighting, effects, all);
+    a.gather = gatherer.gather(a.point, below, statistics.counters);
+    for (std::size_t m = 0; m < kModes.size(); ++m) a.by_mode[m] = gatherer.gradient(kModes[m]);
+  }
+  a.direct = direct_irradiance(lighting, a.point.position, a.point.normal, kDirectSamples,
+                               random_key(a.point.key, 1), statistics.counters);
+  a.radius = split_sphere_radius(a.gather, a.point.normal, settings, lighting.world().diagonal());
+  if (options.finite_difference) {
+    GatherOptions values_alone = point_options;
+    values_alone.gradient = GradientMode::None;
+    Gatherer gatherer(lighting, effects, values_alone);
+    Counters of_differences;  // Not the probe's own cost.
+    a.difference = finite_difference(gatherer, a.point, below, *options.finite_difference, seed,
+                                     of_differences);
+  }
+  return a;
+}
+
+const GradientTerms& terms_of(const Answers& a, GradientMode mode) {
+  for (std::size_t m = 0; m < kModes.size(); ++m)
+    if (kModes[m] == mode) return a.by_mode[m];
+  throw Error(ErrorKind::Internal, "unknown gradient mode");
+}
+
+Json answers_json(const Answers& a, const GatherOptions& gather, double per_metre,
+                  const Statistics& statistics) {
+  const GradientTerms& terms = terms_of(a, gather.gradient);
+  Json all = Json::object();
+  all["position"] = json_of(a.point.position);
+  all["normal"] = json_of(a.point.normal);
+  all["irradiance"] = json_of(a.gather.irradiance);
+  all["irradiance_direct"] = json_of(a.direct);
+  all["irradiance_surface"] = json_of(a.gather.irradiance_surface);
+  all["irradiance_media"] = json_of(a.gather.irradiance_media);
+  all["irradiance_error"] = a.gather.error;
+  all["mode"] = gradient_mode_name(gather.gradient);
+  all["gradient"] = json_of(terms.sum() * per_metre);
+  all["gradient_terms"] = {{"radial", json_of(terms.radial * per_metre)},
+                           {"walls", json_of(terms.walls * per_metre)},
+                           {"grad_sigma", json_of(terms.grad_sigma * per_metre)},
+                           {"directional", json_of(terms.directional * per_metre)}};
+  all["gradient_rotational"] = json_of(a.gather.rotational);
+  if (a.difference) {
+    all["finite_difference"] = json_of(a.difference->value * per_metre);
+    all["finite_difference_noise"] = json_of(a.difference->noise * per_metre);
+  }
+  all["radius"] = {a.radius, a.radius};
+  all["cells"] = {gather.cells_theta, gather.cells_phi};
+  all["shells"] = a.gather.shells;
+  all["rays"] = statistics.counters.rays;
+  all["segments"] = statistics.counters.segments;
+  all["seconds"] = statistics.total_seconds();
+  return all;
+}
+
+void add_gradient_rows(std::vector<std::vector<std::string>>& rows, const std::string& name,
+                       const RgbGradient& g) {
+  const char* const channels[] = {"R", "G", "B"};
+  for (int c = 0; c < 3; ++c)
+    rows.push_back({c == 0 ? name : "", channels[c], shown_number(g[c].x), shown_number(g[c].y),
+                    shown_number(g[c].z)});
+}
+
+void print_answers(const CommandContext& context, const Answers& a, const GatherOptions& gather,
+                   double per_metre) {
+  const auto colour = [](const char* name, const RgbD& c) {
+    return std::vector<std::string>{name, shown_number(c.r), shown_number(c.g), shown_number(c.b)};
+  };
+  std::ostream& out = context.out;
+  print_table(out, {{"W/m^2", "R", "G", "B"},
+                    colour("irradiance (indirect)", a.gather.irradiance),
+                    colour("  from surfaces", a.gather.irradiance_surface),
+                    colour("  from the medium", a.gather.irradiance_media),
+                    colour("direct light", a.direct)});
+  out << "standard error of luminance " << shown_number(a.gather.error) << "; radius "
+      << shown_number(a.radius) << "; " << gather.cells_theta << 'x' << gather.cells_phi << " cells, "
+      << a.gather.shells << " shells\n\n";
+  const GradientTerms& terms = terms_of(a, gather.gradient);
+  std::vector<std::vector<std::string>> rows{{"W/m^3", "", "d/dx", "d/dy", "d/dz"}};
+  add_gradient_rows(rows, std::string("gradient, ") + gradient_mode_name(gather.gradient),
+                    terms.sum() * per_metre);
+  add_gradient_rows(rows, "  radial", terms.radial * per_metre);
+  add_gradient_rows(rows, "  walls", terms.walls * per_metre);
+  add_gradient_rows(rows, "  grad_sigma", terms.grad_sigma * per_metre);
+  add_gradient_rows(rows, "  directional", terms.directional * per_metre);
+  if (a.difference) {
+    add_gradient_rows(rows, "finite difference", a.difference->value * per_metre);
+    add_gradient_rows(rows, "  its noise", a.difference->noise * per_metre);
+  }
+  for (std::size_t m = 0; m < kModes.size(); ++m)
+    if (kModes[m] != gather.gradient && kModes[m] != GradientMode::None)
+      add_gradient_rows(rows, std::string("mode ") + gradient_mode_name(kModes[m]),
+                        a.by_mode[m].sum() * per_metre);
+  add_gradient_rows(rows, "rotational [W/m^2]", a.gather.rotational);
+  print_table(out, rows);
+}
+
+int probe(const ProbeOptions& options, const CommandContext& context) {
+  if (!(options.normal->length() > 0))
+    throw Error(ErrorKind::Usage, "--normal: has no direction: give one, like 0,1,0");
+  if (!context.stats_file.empty()) check_writable(context.stats_file);
+  SignalWatch watch;
+  Statistics statistics;
+  const Scene scene =
+      statistics.timed("load", [&] { return load_scene_verbosely(options.scene, context); });
+  const World world = statistics.timed("world", [&] { return World(scene); });
+
+  // --cells, --shells and --gradient speak of the probed point; deeper light is what a bake of this scene
+  // would have, or what the cache file holds.
+  AccuracyOptions deeper_accuracy = options.accuracy;
+  deeper_accuracy.cells.reset();
+  deeper_accuracy.shells.reset();
+  deeper_accuracy.gradient.reset();
+  std::shared_ptr<const IrradianceCache> deeper;
+  BakeSettings settings = deeper_accuracy.bake_settings(scene.render);
+  if (!options.cache_file.empty()) {
+    const OpenedCache opened = open_cache_of_world(options.cache_file, world);
+    settings = opened.settings;
+    deeper = std::make_shared<IrradianceCache>(opened.cache);
+  }
+  check_cached_transport(settings, printable(options.scene.file.string()));
+  const Lighting lighting = statistics.timed(
+      "lighting", [&] { return Lighting(world, lighting_options(settings, context)); });
+  statistics.describe(lighting, plan_effects(world, settings.bounces, settings.volume_bounces));
+  if (!deeper) {
+    const BakeResult baked = bake_deeper_light(lighting, settings, context, statistics);
+    if (baked.is_stopped) return end_stopped_run(context, SignalWatch::signal(), {});
+    deeper = baked.cache;
+  }
+  statistics.records = deeper->records().size();
+
+  const GatherOptions gather = options.accuracy.bake_settings(settings).gather;
+  const Answers answers = statistics.timed("gather", [&] {
+    return gather_answers(options, lighting, settings, gather, *deeper, statistics);
+  });
+  const double per_metre = 1 / world.unit();
+  if (context.json)
+    print_json(context, answers_json(answers, gather, per_metre, statistics));
+  else
+    print_answers(context, answers, gather, per_metre);
+  CommandContext stats_alone = context;
+  stats_alone.json = false;
+  report_statistics(stats_alone, statistics);
+  return 0;
+}
+
+}  // namespace
+
+void add_probe_command(CLI::App& app, CommandContext& context) {
+  CLI::App* verb =
+      app.add_subcommand("probe", "Irradiance and its gradients at one point, term by term");
+  const auto options = std::make_shared<ProbeOptions>();
+  add_scene_options(*verb, context, options->scene);
+  const auto vector = [](const std::string& option, const std::string& text) {
+    return std::optional<Vec3d>(parse_vector(option, text));
+  };
+  add_parsed(*verb, "--at", "X,Y,Z", options->position, vector, "The point, in scene units")
+      ->required()
+      ->group("Point");
+  add_parsed(*verb, "--normal", "X,Y,Z", options->normal, vector,
+             "The side that receives, of any length but 0")
+      ->required()
+      ->group("Point");
+  add_parsed(
+      *verb, "--finite-difference", "H", options->finite_difference,
+      [](const std::string& option, const std::string& text) {
+        return std::optional<double>(parse_number(option, text, 1e-12, 1e12));
+      },
+      "Also the gradient by central differences H apart (scene units) from the same random numbers, "
+      "and its noise over seeds")
+      ->group("Point");
+  add_path(*verb, "--cache", options->cache_file, "C.irc",
+           "Further bounces come from this cache of the scene, with its settings (default: they are "
+           "baked)")
+      ->group("Cache");
+  add_accuracy_options(*verb, context, options->accuracy);
+  verb->footer(R"(--cells, --shells and --gradient are those of the probed point.
+
+Examples:
+  brume probe box.json --at 0,0.5,0 --normal 0,1,0 --cells 64x201
+  brume probe box.json --at 0,0.5,0 --normal 0,1,0 --finite-difference 0.01 --json
+  brume probe box.json --at 0,0.5,0 --normal 0,1,0 --gradient ward-heckbert --cache box.irc)");
+  verb->callback([options, &context] {
+    context.action = [options, &context] { return probe(*options, context); };
+  });
+}
+
+}  // namespace brume

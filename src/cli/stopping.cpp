@@ -1,0 +1,17 @@
+#include "cli/stopping.h"
+
+#include "core/error.h"
+
+namespace brume {
+
+int end_stopped_run(const CommandContext& context, int signal,
+                    const std::filesystem::path& checkpoint) {
+  if (!checkpoint.empty())
+    throw Error(ErrorKind::Stopped, printable(checkpoint.string()) + ": stopped by signal " +
+                                        std::to_string(signal) +
+                                        ": the same command goes on from here");
+  context.err << "error: stopped by signal " << signal << ": nothing was written\n";
+  return 128 + signal;
+}
+
+}  // namespace brume

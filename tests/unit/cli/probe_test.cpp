@@ -1,0 +1,102 @@
+// brume probe: keys, units, and gradients against their finite differences.
+#include <gmock/gmock.h>
+
+#include <cmath>
+
+#include "cli_fixture.h"
+
+namespace brume {
+namespace {
+
+class Probe : public CliTest {
+ protected:
+  RunResult probe(std::vector<std::string> more, const std::string& at = "0.3,0,0.2") {
+    std::vector<std::string> arguments{"probe", write_scene(), "--at", at, "--normal", "0,2,0"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return brume(arguments);
+  }
+  static double at(const nlohmann::json& gradient, int channel, int axis) {
+    return gradient[channel][axis];
+  }
+};
+
+TEST_F(Probe, JsonHasTheKeysThatScriptsRelyOn) {
+  const RunResult result = probe({"--json"});
+  ASSERT_EQ(result.code, 0) << result.err;
+  const auto json = result.json();
+  for (const char* key : {"position", "normal", "irradiance", "irradiance_direct", "irradiance_surface",
+                          "irradiance_media", "gradient", "gradient_terms", "gradient_rotational",
+                          "radius", "cells", "shells", "rays", "segments", "seconds"})
+    EXPECT_TRUE(json.contains(key)) << key;
+  EXPECT_FALSE(json.contains("finite_difference"));
+  EXPECT_EQ(json["normal"], nlohmann::json::array({0.0, 1.0, 0.0}));
+  for (int c = 0; c < 3; ++c) {
+    EXPECT_NEAR(double(json["irradiance"][c]),
+                double(json["irradiance_surface"][c]) + double(json["irradiance_media"][c]), 1e-9);
+    EXPECT_GT(double(json["irradiance_direct"][c]), 0);
+    for (int axis = 0; axis < 3; ++axis) {
+      double sum = 0;
+      for (const char* term : {"radial", "walls", "grad_sigma", "directional"})
+        sum += at(json["gradient_terms"][term], c, axis);
+      EXPECT_NEAR(at(json["gradient"], c, axis), sum, 1e-9);
+    }
+  }
+}
+
+TEST_F(Probe, GradientsMatchTheirFiniteDifferences) {
+  const auto json =
+      probe({"--json", "--cells", "64x201", "--shells", "48", "--finite-difference", "0.02"}, "0.3,0.4,0.2")
+          .json();
+  ASSERT_TRUE(json.contains("finite_difference"));
+  double error = 0, size = 0;
+  for (int c = 0; c < 3; ++c)
+    for (int axis = 0; axis < 3; ++axis) {
+      error += std::pow(at(json["gradient"], c, axis) - at(json["finite_difference"], c, axis), 2);
+      size += std::pow(at(json["finite_difference"], c, axis), 2);
+    }
+  EXPECT_LT(std::sqrt(error / size), 0.1);
+}
+
+TEST_F(Probe, ModeNoneGivesZeros) {
+  const auto json = probe({"--json", "--gradient", "none"}).json();
+  for (int c = 0; c < 3; ++c)
+    for (int axis = 0; axis < 3; ++axis) EXPECT_EQ(at(json["gradient"], c, axis), 0);
+}
+
+TEST_F(Probe, GradientsArePerMetreWhateverTheUnit) {
+  // The same room in centimetres: positions, bounds and intensities stay, metres shrink by 100.
+  const auto metres = probe({"--json"}).json();
+  write_scene("cm.json", "\"unit\": 0.01,");
+  const auto centimetres =
+      brume({"probe", path("cm.json"), "--at", "0.3,0,0.2", "--normal", "0,1,0", "--json"}).json();
+  // A point light's irradiance grows by 100^2, the medium's and surfaces' answers with it; a gradient per
+  // metre by another 100.
+  EXPECT_NEAR(double(centimetres["irradiance"][0]) / double(metres["irradiance"][0]), 1e4, 1);
+  EXPECT_NEAR(at(centimetres["gradient"], 0, 0) / at(metres["gradient"], 0, 0), 1e6, 1e3);
+  EXPECT_NEAR(double(centimetres["radius"][0]), double(metres["radius"][0]), 1e-9);
+}
+
+TEST_F(Probe, TheSeedDecidesTheNumbers) {
+  const auto one = probe({"--json", "--seed", "5"}).json();
+  EXPECT_EQ(one["irradiance"], probe({"--json", "--seed", "5", "-t", "3"}).json()["irradiance"]);
+  EXPECT_NE(one["irradiance"], probe({"--json", "--seed", "6"}).json()["irradiance"]);
+}
+
+TEST_F(Probe, TextShowsEveryMode) {
+  const RunResult result = probe({});
+  EXPECT_EQ(result.code, 0) << result.err;
+  for (const char* word : {"irradiance", "walls", "grad_sigma", "ward-heckbert", "media", "radius"})
+    EXPECT_THAT(result.out, testing::HasSubstr(word));
+}
+
+TEST_F(Probe, ACacheSuppliesFurtherBounces) {
+  ASSERT_EQ(brume({"bake", write_scene(), "-o", path("c.irc"), "--bounces", "2"}).code, 0);
+  const RunResult result = probe({"--json", "--cache", path("c.irc")});
+  ASSERT_EQ(result.code, 0) << result.err;
+  const auto baked = probe({"--json", "--bounces", "2"}).json();
+  EXPECT_NEAR(double(result.json()["irradiance"][0]) / double(baked["irradiance"][0]), 1, 0.05);
+  EXPECT_EQ(probe({"--cache", path("none.irc")}).code, 3);
+}
+
+}  // namespace
+}  // namespace brume
