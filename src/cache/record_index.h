@@ -1,4 +1,4 @@
-// Finds the records of one layer whose support may hold a point: an R-tree of eight-wide nodes, packed
+// Finds the records of one layer whose support may hold a point: an R-tree of sixteen-wide nodes, packed
 // along a Hilbert curve, so that a million records are ready in tens of milliseconds.
 #pragma once
 
@@ -41,8 +41,8 @@ class RecordIndex {
   std::size_t size() const { return sites_.size(); }
 
  private:
-  static constexpr std::uint32_t kWidth = 8;
-  // The boxes of eight children. A support is the ellipsoid of the two radii and, along the normal, the
+  static constexpr std::uint32_t kWidth = 16;
+  // The boxes of sixteen children. A support is the ellipsoid of the two radii and, along the normal, the
   // smaller; raising radii to m grows a box by at most m - least_radius.
   struct alignas(32) Node {
     float min[3][kWidth], max[3][kWidth];
@@ -51,7 +51,7 @@ class RecordIndex {
   // Bit i: `p` lies in child i's box, grown.
   static unsigned children_at(const Node& node, const float* p, float min_radius);
 
-  std::vector<Node> nodes_;  // Level by level: children of node i of a level are 8i .. 8i + 7 below it.
+  std::vector<Node> nodes_;  // Level by level: child k of node i of a level is 16i + k below it.
   std::vector<std::uint32_t> levels_;  // Where each level starts in nodes_; level 0 holds the sites.
   std::vector<RecordSite> sites_;      // Along the curve.
   float least_radius_ = 0;             // Of all; queries below it need not grow boxes.
@@ -95,8 +95,8 @@ void RecordIndex::visit(const Vec3d& point, double min_radius, Visit&& visit) co
   struct Entry {
     std::uint32_t level, node;
   };
-  // A node adds at most seven entries to what it takes off, on each of at most eleven levels (8^11 > 2^32).
-  std::array<Entry, 11 * kWidth> stack;
+  // A node adds at most fifteen entries to what it takes off, on each of at most eight levels (16^8 = 2^32).
+  std::array<Entry, 8 * kWidth> stack;
   std::size_t depth = 0;
   stack[depth++] = {static_cast<std::uint32_t>(levels_.size() - 1), 0};
   while (depth > 0) {
