@@ -55,6 +55,13 @@ class Reader {
     say_what_is_dropped();
   }
 
+  std::set<std::string> material_names() const {
+    std::set<std::string> names;
+    for (const json& material : list("materials"))
+      if (const std::string found = text(material, "name"); !found.empty()) names.insert(found);
+    return names;
+  }
+
  private:
   static const json& member(const json& object, const char* key) {
     static const json kNull;
@@ -218,9 +225,12 @@ class Reader {
 
 }  // namespace
 
-void read_gltf_nodes(std::string_view bytes, const std::string& name, ImportedFile& imported) {
+std::set<std::string> read_gltf_nodes(std::string_view bytes, const std::string& name,
+                                      ImportedFile& imported) {
   const json root = parse_json_text(json_of(bytes, name), name);
-  Reader(root, name, imported).read();
+  Reader reader(root, name, imported);
+  reader.read();
+  return reader.material_names();
 }
 
 }  // namespace brume

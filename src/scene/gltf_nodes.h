@@ -4,6 +4,7 @@
 // the field of view and lose all but one instance of a light.
 #pragma once
 
+#include <set>
 #include <string>
 #include <string_view>
 
@@ -12,7 +13,8 @@
 namespace brume {
 
 // `bytes` is a .gltf or .glb file; adds to cameras, lights and warnings of `imported`. `name` is the
-// file's, for messages. Throws Error(InvalidInput).
-void read_gltf_nodes(std::string_view bytes, const std::string& name, ImportedFile& imported);
+// file's, for messages. Returns the names of all materials: the importer forgets those that no surface
+// uses. Throws Error(InvalidInput).
+std::set<std::string> read_gltf_nodes(std::string_view bytes, const std::string& name, ImportedFile& imported);
 
 }  // namespace brume

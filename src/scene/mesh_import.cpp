@@ -77,9 +77,10 @@ class FileSystem : public Assimp::IOSystem {
   Assimp::IOStream* Open(const char* path, const char*) override {
     if (path == main_.string()) return new MemoryStream(main_bytes_);
     try {
-      check_confined(path, options_.confine);
-      std::string bytes = read_regular_file(path, kMaxFileBytes);
-      if (std::filesystem::path(path).extension() == ".mtl") note_materials(bytes);
+      const auto file = std::filesystem::path(path).lexically_normal();
+      check_confined(file, options_.confine);
+      std::string bytes = read_regular_file(file, kMaxFileBytes);
+      if (file.extension() == ".mtl") note_materials(bytes);
       return new MemoryStream(std::move(bytes));
     } catch (const Error& refused) {
       refusals_.push_back(refused.what());
@@ -137,7 +138,7 @@ class Importer {
            "export it as glTF, glb, OBJ or PLY");
     check_confined(file_, options_.confine);
     std::string bytes = read_regular_file(file_, kMaxFileBytes);
-    if (is_gltf()) read_gltf_nodes(bytes, name_, out_);
+    if (is_gltf()) defined_materials_ = read_gltf_nodes(bytes, name_, out_);
 
     Assimp::Importer importer;
     auto* files = new FileSystem(options_, file_, std::move(bytes));  // Owned by the importer.
@@ -146,9 +147,10 @@ class Importer {
     if (!importer.ReadFile(file_.string(), 0)) fail_import(importer, *files);
     check(*importer.GetScene());
     if (!importer.ApplyPostProcessing(aiProcess_Triangulate)) fail_import(importer, *files);
-    for (const std::string& refusal : files->refusals())
-      out_.warnings.push_back(name_ + ": " + refusal);
-    defined_materials_ = &files->defined_materials();
+    // Those after the first are the importer's guesses at where the same library may lie.
+    if (!files->refusals().empty())
+      out_.warnings.push_back(name_ + ": " + files->refusals().front());
+    if (!is_gltf()) defined_materials_ = files->defined_materials();
     convert(*importer.GetScene());
     return std::move(out_);
   }
@@ -208,7 +210,7 @@ class Importer {
     say_dropped(transparents_, "transparent", "they become opaque");
     say_dropped(out_of_range_, "unphysical", "their colours are clamped");
     // A library may define names that no face uses; a scene may map them all the same.
-    for (const std::string& name : *defined_materials_)
+    for (const std::string& name : defined_materials_)
       if (std::none_of(out_.materials.begin(), out_.materials.end(),
                        [&](const ImportedMaterial& m) { return m.material.name == name; }))
         out_.materials.push_back({.material = {.name = name}});
@@ -263,7 +265,7 @@ class Importer {
     const bool is_nameless = m.name.empty() || m.name == kNoMaterial;
     imported.is_defined =
         is_gltf() ? !m.name.empty()
-                  : !is_nameless && (extension_ != ".obj" || defined_materials_->contains(m.name));
+                  : !is_nameless && (extension_ != ".obj" || defined_materials_.contains(m.name));
     if (is_nameless && !imported.is_defined) m.name.clear();
     m.albedo = kDefaultGrey;
     if (imported.is_defined) read_material(source, m);
@@ -381,7 +383,7 @@ class Importer {
   std::string name_, extension_;
   const MeshImportOptions& options_;
   ImportedFile out_;
-  const std::set<std::string>* defined_materials_ = nullptr;
+  std::set<std::string> defined_materials_;
   std::uint64_t triangle_count_ = 0, lines_and_points_ = 0;
   std::size_t metals_ = 0;
   std::vector<std::string> textures_, highlights_, transparents_, out_of_range_;

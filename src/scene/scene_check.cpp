@@ -23,6 +23,12 @@ std::string list_text(const Texts& texts) {
   return out;
 }
 
+std::string lower(std::string text) {
+  for (char& c : text)
+    if (c >= 'A' && c <= 'Z') c = char(c - 'A' + 'a');
+  return text;
+}
+
 // Edits that turn a into b, a swap of neighbours counting as one.
 std::size_t edit_distance(std::string_view a, std::string_view b) {
   std::vector<std::vector<std::size_t>> d(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
@@ -119,7 +125,7 @@ class Checker {
       wrong_type(value, pointer, expected);
     if (!range.contains(value.get<double>()))
       document_.fail(pointer, shown(value) + " is outside " + range.text(),
-                     range.min == range.max ? "this brume reads " + range.text()
+                     range.min == range.max ? "this brume reads " + shown(range.min)
                                             : "give an integer in that range");
   }
 
@@ -299,8 +305,12 @@ void SceneDocument::apply_override(json& root, const std::string& text) {
 void SceneDocument::fail(const std::string& pointer, const std::string& what,
                          const std::string& what_to_do) const {
   std::string cause;
-  for (const Override& o : overrides_)
-    if ((pointer + "/").rfind(o.pointer + "/", 0) == 0) cause = " (set by " + o.text + ")";
+  for (const Override& o : overrides_) {
+    if ((pointer + "/").starts_with(o.pointer + "/"))
+      cause = " (set by " + o.text + ")";
+    else if ((o.pointer + "/").starts_with(pointer + "/"))
+      cause = " (touched by " + o.text + ")";
+  }
   throw Error(ErrorKind::InvalidInput,
               file_ + ": " + printable(pointer) + ": " + what + cause + ": " + what_to_do);
 }
@@ -315,7 +325,9 @@ std::string name_hint(const std::string& name, const std::vector<std::string>& k
   std::size_t best = 0;
   if (name.size() <= 64)
     for (const std::string& k : known) {
-      const std::size_t d = edit_distance(name, k);
+      // A name that breaks off, or goes on, is as near as one mistake.
+      const bool is_start = name.size() >= 3 && (k.starts_with(name) || name.starts_with(k));
+      const std::size_t d = is_start ? 1 : edit_distance(lower(name), lower(k));
       if (d <= std::max<std::size_t>(1, std::max(name.size(), k.size()) / 3) &&
           (!nearest || d < best)) {
         nearest = &k;

@@ -108,17 +108,16 @@ void read_cache(SceneLoad& load, const ObjectView& view) {
 }
 
 // Infinite light through infinitely much medium: nothing arrives, whatever the numbers.
-void refuse_unbounded_media_with_distant_light(const SceneDocument& document, const Scene& scene) {
-  for (std::size_t v = 0; v < scene.volumes.size(); ++v) {
-    const Volume& volume = scene.volumes[v];
-    if (!volume.is_homogeneous() || std::isfinite(volume.bounds.max.x)) continue;
-    if (is_black(volume.sigma_t())) continue;
+void refuse_unbounded_media_with_distant_light(const ObjectView& root, const Scene& scene) {
+  const auto views = root.objects("volumes");
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    if (views[v].text("type") != "homogeneous" || views[v].has("bounds")) continue;
+    if (is_black(scene.volumes[v].sigma_t())) continue;
     for (std::size_t l = 0; l < scene.lights.size(); ++l) {
       const bool is_distant = std::holds_alternative<DirectionalLight>(scene.lights[l]) ||
                               std::holds_alternative<EnvironmentLight>(scene.lights[l]);
       if (is_distant)
-        document.fail("/volumes/" + std::to_string(v),
-                      "it fills all space, so light " + std::to_string(l) +
+        views[v].fail("it fills all space, so light " + std::to_string(l) +
                           " at infinity is extinguished",
                       "give it bounds");
     }
@@ -145,7 +144,7 @@ Scene build_scene(const SceneDocument& document, const nlohmann::json& json,
     scene.lights.push_back(read_light(load, view));
   load_surfaces(load, root);
   load_volumes(load, root);
-  refuse_unbounded_media_with_distant_light(document, scene);
+  refuse_unbounded_media_with_distant_light(root, scene);
   if (root.has("cache")) read_cache(load, root.object("cache"));
   for (const ObjectView& view : root.objects("outputs"))
     scene.outputs.push_back(

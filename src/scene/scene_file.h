@@ -15,7 +15,9 @@ struct SceneFileOptions {
   std::optional<int> frame;                     // For #### in file names.
   std::optional<std::filesystem::path> confine;  // Refuse what leaves this folder.
   std::uint64_t max_triangles = 200'000'000;
-  bool load_data = true;  // false: check the file alone; no meshes or grids are opened.
+  // false: check the file alone. No mesh or grid is opened: `meshes` stays empty, volumes of .vdb files
+  // have no density.
+  bool load_data = true;
 };
 
 // Throws Error(InvalidInput): `FILE: /json/pointer: what is wrong: what to do`.
