@@ -55,11 +55,15 @@ class Reader {
     say_what_is_dropped();
   }
 
-  std::set<std::string> material_names() const {
-    std::set<std::string> names;
-    for (const json& material : list("materials"))
-      if (const std::string found = text(material, "name"); !found.empty()) names.insert(found);
-    return names;
+  std::map<std::string, double> emission_strengths() const {
+    std::map<std::string, double> strengths;
+    for (const json& material : list("materials")) {
+      const json& extension =
+          member(member(material, "extensions"), "KHR_materials_emissive_strength");
+      if (const std::string found = text(material, "name"); !found.empty())
+        strengths.emplace(found, number(extension, "emissiveStrength", 1));
+    }
+    return strengths;
   }
 
  private:
@@ -225,12 +229,12 @@ class Reader {
 
 }  // namespace
 
-std::set<std::string> read_gltf_nodes(std::string_view bytes, const std::string& name,
-                                      ImportedFile& imported) {
+std::map<std::string, double> read_gltf_nodes(std::string_view bytes, const std::string& name,
+                                              ImportedFile& imported) {
   const json root = parse_json_text(json_of(bytes, name), name);
   Reader reader(root, name, imported);
   reader.read();
-  return reader.material_names();
+  return reader.emission_strengths();
 }
 
 }  // namespace brume

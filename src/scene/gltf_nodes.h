@@ -4,7 +4,7 @@
 // the field of view and lose all but one instance of a light.
 #pragma once
 
-#include <set>
+#include <map>
 #include <string>
 #include <string_view>
 
@@ -13,8 +13,9 @@
 namespace brume {
 
 // `bytes` is a .gltf or .glb file; adds to cameras, lights and warnings of `imported`. `name` is the
-// file's, for messages. Returns the names of all materials: the importer forgets those that no surface
-// uses. Throws Error(InvalidInput).
-std::set<std::string> read_gltf_nodes(std::string_view bytes, const std::string& name, ImportedFile& imported);
+// file's, for messages. Returns all materials by name with the strength of their emission: the
+// importer forgets those that no surface uses, and releases of it forget the strength. Throws
+// Error(InvalidInput).
+std::map<std::string, double> read_gltf_nodes(std::string_view bytes, const std::string& name, ImportedFile& imported);
 
 }  // namespace brume

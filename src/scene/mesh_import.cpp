@@ -138,7 +138,10 @@ class Importer {
            "export it as glTF, glb, OBJ or PLY");
     check_confined(file_, options_.confine);
     std::string bytes = read_regular_file(file_, kMaxFileBytes);
-    if (is_gltf()) defined_materials_ = read_gltf_nodes(bytes, name_, out_);
+    if (is_gltf()) {
+      emission_strengths_ = read_gltf_nodes(bytes, name_, out_);
+      for (const auto& [name, strength] : emission_strengths_) defined_materials_.insert(name);
+    }
 
     Assimp::Importer importer;
     auto* files = new FileSystem(options_, file_, std::move(bytes));  // Owned by the importer.
@@ -283,7 +286,8 @@ class Importer {
       aiString alpha_mode;
       source.Get(AI_MATKEY_GLTF_ALPHAMODE, alpha_mode);
       opacity = alpha_mode == aiString("OPAQUE") || alpha_mode.length == 0 ? 1 : base.a;
-      m.emission *= number(source, AI_MATKEY_EMISSIVE_INTENSITY, 1);
+      if (const auto it = emission_strengths_.find(m.name); it != emission_strengths_.end())
+        m.emission *= float(it->second);
       int two_sided = 0;
       source.Get(AI_MATKEY_TWOSIDED, two_sided);
       m.two_sided = two_sided != 0;
@@ -384,6 +388,7 @@ class Importer {
   const MeshImportOptions& options_;
   ImportedFile out_;
   std::set<std::string> defined_materials_;
+  std::map<std::string, double> emission_strengths_;  // glTF only.
   std::uint64_t triangle_count_ = 0, lines_and_points_ = 0;
   std::size_t metals_ = 0;
   std::vector<std::string> textures_, highlights_, transparents_, out_of_range_;
