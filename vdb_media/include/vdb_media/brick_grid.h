@@ -40,6 +40,9 @@ class BrickGrid {
                                                      const std::vector<float>& values,
                                                      const Affine3d& index_to_world);
 
+  // The same field placed elsewhere. Bricks are shared, not copied, so this is cheap.
+  std::shared_ptr<const BrickGrid> with_transform(const Affine3d& index_to_world) const;
+
   bool is_empty() const { return top_count_ == 0; }
   // Index space; the field is 0 outside. Empty grids have an empty box.
   const Box3d& index_bounds() const { return index_bounds_; }
@@ -62,7 +65,7 @@ class BrickGrid {
     return top_[(std::size_t(brick.z) * brick_count_.y + brick.y) * brick_count_.x + brick.x];
   }
   const float* brick(std::int32_t number) const {
-    return bricks_.data() + std::size_t(number) * kBrickFloats;
+    return brick_data_ + std::size_t(number) * kBrickFloats;
   }
   float tile(std::int32_t top_entry) const { return tiles_[std::size_t(-2 - top_entry)]; }
   ValueRange brick_range(std::int32_t top_entry) const {
@@ -77,10 +80,15 @@ class BrickGrid {
   Fingerprint fingerprint() const;
 
  private:
+  // Throws where the map has no inverse.
+  void place(const Affine3d& index_to_world);
+
   Vec3i brick_min_, brick_count_;
   std::size_t top_count_ = 0;
   std::vector<std::int32_t> top_;
-  std::vector<float> bricks_, tiles_;
+  std::shared_ptr<const std::vector<float>> bricks_;  // Shared with grids made by with_transform().
+  const float* brick_data_ = nullptr;                 // Of bricks_, without its indirections.
+  std::vector<float> tiles_;
   std::vector<ValueRange> brick_ranges_;
   ValueRange range_;
   Affine3d index_to_world_, world_to_index_;
