@@ -117,7 +117,7 @@ class Reader {
     if (first == 0) {
       // As many as the file can hold, so that a large cache is not copied while it grows; bounded, as a
       // sparse file's size costs its writer nothing.
-      constexpr std::uint64_t kMostReserved = std::uint64_t(1) << 23;
+      constexpr std::uint64_t kMostReserved = std::uint64_t(1) << 20;
       records.reserve(std::min((size_ - kHeaderBytes) / sizeof(SurfaceRecord), kMostReserved));
     }
     std::uint64_t last_key = block.first_key;

@@ -13,6 +13,13 @@
 namespace brume {
 namespace {
 
+// A sanitizer's own memory would drown what the reader takes.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr bool kMemoryIsOurs = false;
+#else
+constexpr bool kMemoryIsOurs = true;
+#endif
+
 constexpr std::size_t kHeader = 4096, kBlockHeader = 64, kRecord = sizeof(SurfaceRecord);
 
 template <typename T>
@@ -270,7 +277,7 @@ TEST_F(CacheDamage, CraftedHeadersAreRefusedInLittleMemory) {
     if (::truncate(file_.c_str(), off_t(1) << 40) != 0 || open_cache(file_, {}).state != Corrupt) ++wrong;
     ::getrusage(RUSAGE_SELF, &after);
     const long grown_kib = after.ru_maxrss - before.ru_maxrss;
-    if (grown_kib > 16 * 1024) {
+    if (kMemoryIsOurs && grown_kib > 16 * 1024) {
       std::fprintf(stderr, "grew by %ld KiB\n", grown_kib);
       ++wrong;
     }
