@@ -126,8 +126,9 @@ struct LineIntegral {
 }  // namespace
 
 GaussianSum three_gaussians(double background) {
-  return {background,
-          {{{0.4, -0.3, 0.9}, 1.2, 0.45}, {{-0.7, 0.5, 0.5}, 0.9, 0.35}, {{0.1, 0.9, 1.4}, 0.8, 0.5}}};
+  return {
+      background,
+      {{{0.4, -0.3, 0.9}, 1.2, 0.45}, {{-0.7, 0.5, 0.5}, 0.9, 0.35}, {{0.1, 0.9, 1.4}, 0.8, 0.5}}};
 }
 
 double density(const AnalyticField& field, const Vec3d& p) { return std::visit(Density{p}, field); }

@@ -1,8 +1,8 @@
 // Density fields whose values, gradients or line integrals are known, to be written as grids and to
 // hold grids, marchers and gathers to account.
 //
-// Lengths are world units. Densities are never negative; a jump (the side of a box) is as sharp as the
-// field, and only a grid made of it is as blunt as its voxels.
+// Lengths are world units. Densities are never negative; a jump (the side of a box) is as sharp as
+// the field, and only a grid made of it is as blunt as its voxels.
 #pragma once
 
 #include <array>
@@ -52,8 +52,8 @@ using AnalyticField = std::variant<ConstantBox, ConstantBall, LinearRamp, Expone
                                    GaussianSum, SmokePlume, Dust>;
 
 double density(const AnalyticField& field, const Vec3d& p);
-// Nothing for the noises, whose gradients have no closed form. On a jump or a kink: that of the side
-// which the field's formula gives.
+// Nothing for the noises, whose gradients have no closed form. On a jump or a kink: that of the
+// side which the field's formula gives.
 std::optional<Vec3d> density_gradient(const AnalyticField& field, const Vec3d& p);
 // The integral of density along the straight way from a to b; nothing for the noises. Good to about
 // 1e-12, of the result or of a whole bump.
@@ -69,12 +69,13 @@ struct Lattice {
   Affine3d index_to_world() const;
 };
 
-// Nodes that begin on bounds.min and reach at least bounds.max: exactly, where the extent is a multiple
-// of the step. Throws Error(InvalidInput) for an empty box, a step that is not positive, or more than
-// 2^31 nodes.
+// Nodes that begin on bounds.min and reach at least bounds.max: exactly, where the extent is a
+// multiple of the step. Throws Error(InvalidInput) for an empty box, a step that is not positive,
+// or more than 2^31 nodes.
 Lattice covering_lattice(const Box3d& bounds, double step);
 
 // The field at the nodes; the same for any number of threads.
-std::vector<float> sample_field(const AnalyticField& field, const Lattice& lattice, int threads = 0);
+std::vector<float> sample_field(const AnalyticField& field, const Lattice& lattice,
+                                int threads = 0);
 
 }  // namespace brume

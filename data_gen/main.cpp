@@ -35,8 +35,8 @@ void make_folder(const fs::path& folder) {
   std::error_code error;
   fs::create_directories(folder, error);
   if (error)
-    throw Error(ErrorKind::Resource, folder.string() + ": cannot make the folder: " + error.message() +
-                                         ": choose one that can be written");
+    throw Error(ErrorKind::Resource, folder.string() + ": cannot make the folder: " +
+                                         error.message() + ": choose one that can be written");
 }
 
 void print_files(const std::vector<fs::path>& files) {
@@ -75,14 +75,16 @@ class FieldCommands {
 
   // `state` holds what the options write into, and outlives parsing.
   template <typename State>
-  void add(const std::string& name, const std::string& help,
-           void (*bind)(CLI::App&, State&), AnalyticField (*make)(const State&)) {
+  void add(const std::string& name, const std::string& help, void (*bind)(CLI::App&, State&),
+           AnalyticField (*make)(const State&)) {
     CLI::App* command = parent_.add_subcommand(name, help);
     auto state = std::make_shared<State>();
     auto grid = std::make_shared<GridOptions>();
     bind(*command, *state);
     command->add_option("-o,--output", grid->file, "The .vdb file to write")->required();
-    command->add_option("--bounds", grid->bounds, "Nodes begin at the first corner and reach the second")
+    command
+        ->add_option("--bounds", grid->bounds,
+                     "Nodes begin at the first corner and reach the second")
         ->delimiter(',')
         ->capture_default_str();
     command->add_option("--voxel", grid->voxel, "Distance between nodes")->capture_default_str();
@@ -148,7 +150,9 @@ void add_fields(FieldCommands& commands) {
         app.add_option("--density", s.density, "Density at the origin")->capture_default_str();
         add_vector(app, "--slope", s.slope, "Gradient");
       },
-      [](const RampState& s) -> AnalyticField { return LinearRamp{s.density, vec3(s.slope)}; });
+      [](const RampState& s) -> AnalyticField {
+        return LinearRamp{s.density, vec3(s.slope)};
+      });
   commands.add<AtmosphereState>(
       "atmosphere", "Falls exponentially with height",
       [](CLI::App& app, AtmosphereState& s) {
@@ -222,7 +226,8 @@ void add_fields(FieldCommands& commands) {
 void write_oracles(const std::string& name, const fs::path& folder, double step) {
   make_folder(folder);
   if (name == "all") {
-    for (const OracleScene& scene : oracle_scenes(step)) print_files(write_oracle_scene(scene, folder));
+    for (const OracleScene& scene : oracle_scenes(step))
+      print_files(write_oracle_scene(scene, folder));
   } else {
     print_files(write_oracle_scene(oracle_scene(name, step), folder));
   }
@@ -240,7 +245,8 @@ int run_data_gen(int argc, char** argv) {
 
   std::string folder;
   SmokyCornellOptions cornell;
-  CLI::App* smoky = app.add_subcommand("smoky-cornell", "The demo: a Cornell box with smoke and a beam");
+  CLI::App* smoky =
+      app.add_subcommand("smoky-cornell", "The demo: a Cornell box with smoke and a beam");
   smoky->add_option("-o,--output", folder, "Folder to write into")->required();
   smoky->add_option("--resolution", cornell.resolution, "Smoke nodes along each axis")
       ->capture_default_str();
@@ -278,7 +284,8 @@ int run_data_gen(int argc, char** argv) {
     throw Error(ErrorKind::Usage, std::string("data_gen: ") + e.what() + ": see data_gen --help");
   }
   std::cout.flush();
-  if (!std::cout) throw Error(ErrorKind::Resource, "standard output: cannot write: give it a reader");
+  if (!std::cout)
+    throw Error(ErrorKind::Resource, "standard output: cannot write: give it a reader");
   return 0;
 }
 

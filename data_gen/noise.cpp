@@ -43,16 +43,17 @@ GradientNoise::Sample GradientNoise::at(const Vec3d& p) const {
   Sample sum;
   for (int corner = 0; corner < 8; ++corner) {
     const int c[3] = {corner & 1, (corner >> 1) & 1, corner >> 2};
-    const std::uint64_t bits = random_key(
-        seed_, std::int64_t(cell[0]) + c[0], std::int64_t(cell[1]) + c[1], std::int64_t(cell[2]) + c[2]);
+    const std::uint64_t bits =
+        random_key(seed_, std::int64_t(cell[0]) + c[0], std::int64_t(cell[1]) + c[1],
+                   std::int64_t(cell[2]) + c[2]);
     const auto& g = kEdges[bits & 15];
     const double v = g[0] * (t[0] - c[0]) + g[1] * (t[1] - c[1]) + g[2] * (t[2] - c[2]);
     const double wx = weight[0][c[0]], wy = weight[1][c[1]], wz = weight[2][c[2]];
     const double w = wx * wy * wz;
     sum.value += w * v;
-    sum.gradient += Vec3d(w * g[0] + slope[0][c[0]] * wy * wz * v,
-                          w * g[1] + wx * slope[1][c[1]] * wz * v,
-                          w * g[2] + wx * wy * slope[2][c[2]] * v);
+    sum.gradient +=
+        Vec3d(w * g[0] + slope[0][c[0]] * wy * wz * v, w * g[1] + wx * slope[1][c[1]] * wz * v,
+              w * g[2] + wx * wy * slope[2][c[2]] * v);
   }
   return sum;
 }

@@ -36,11 +36,11 @@ TriangleMesh room_mesh() {
   TriangleMesh mesh;
   mesh.name = "room";
   mesh.casts_shadow = false;
-  add_quad(mesh, r.min, y, z);      // Faces +x.
-  add_quad(mesh, r.max, -z, -y);    // Faces -x.
-  add_quad(mesh, r.min, z, x);      // Faces +y.
-  add_quad(mesh, r.max, -x, -z);    // Faces -y.
-  add_quad(mesh, r.max, -y, -x);    // Faces -z.
+  add_quad(mesh, r.min, y, z);    // Faces +x.
+  add_quad(mesh, r.max, -z, -y);  // Faces -x.
+  add_quad(mesh, r.min, z, x);    // Faces +y.
+  add_quad(mesh, r.max, -x, -z);  // Faces -y.
+  add_quad(mesh, r.max, -y, -x);  // Faces -z.
   return mesh;
 }
 
@@ -104,12 +104,18 @@ std::vector<OracleScene> oracle_scenes(double grid_step) {
        .has_room = true,
        .medium = on_grid(absorbing(three_gaussians(0.1)), 0.25)},
       {.name = "emihom", .blocks = {kBlock}, .has_room = true, .medium = emitting(even(0.5))},
-      {.name = "emi", .blocks = {kBlock}, .has_room = true, .medium = emitting(three_gaussians(0.05))},
+      {.name = "emi",
+       .blocks = {kBlock},
+       .has_room = true,
+       .medium = emitting(three_gaussians(0.05))},
       {.name = "emigrid",
        .blocks = {kBlock},
        .has_room = true,
        .medium = on_grid(emitting(three_gaussians(0.05)), 0.25)},
-      {.name = "scatopen", .has_room = true, .medium = scattering(even(0.5)), .light = kLampOutside},
+      {.name = "scatopen",
+       .has_room = true,
+       .medium = scattering(even(0.5)),
+       .light = kLampOutside},
       {.name = "scatcard",
        .blocks = {kCard},
        .has_room = true,
@@ -174,7 +180,8 @@ Scene make_scene(const OracleScene& oracle) {
   scene.render.bounces = 0;
   scene.render.volume_bounces = 1;
   for (OracleMesh& m : meshes_of(oracle)) {
-    m.mesh.materials.assign(m.mesh.triangles.size(), static_cast<std::uint32_t>(scene.materials.size()));
+    m.mesh.materials.assign(m.mesh.triangles.size(),
+                            static_cast<std::uint32_t>(scene.materials.size()));
     scene.meshes.push_back(std::move(m.mesh));
     scene.materials.push_back(std::move(m.material));
   }
@@ -251,8 +258,7 @@ std::vector<std::filesystem::path> write_oracle_scene(const OracleScene& oracle,
                 {"albedo", grey(medium.albedo)}};
     }
     volume["anisotropy"] = medium.anisotropy;
-    if (medium.emission > 0)
-      volume["emission"] = {{"mode", "density"}, {"scale", medium.emission}};
+    if (medium.emission > 0) volume["emission"] = {{"mode", "density"}, {"scale", medium.emission}};
     json["volumes"] = SceneJson::array({volume});
   }
   json["render"] = {{"bounces", 0}, {"volume_bounces", 1}};

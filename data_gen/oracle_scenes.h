@@ -42,7 +42,7 @@ struct OracleScene {
   std::string name;
   std::vector<OracleEmitter> emitters{};
   std::vector<Box3d> blocks{};  // Black, opaque, casting shadows.
-  bool has_room = false;      // oracle_room()'s walls and ceiling; no floor.
+  bool has_room = false;        // oracle_room()'s walls and ceiling; no floor.
   std::optional<OracleMedium> medium{};
   std::optional<PointLight> light{};
 };

@@ -78,7 +78,9 @@ void add_quad(TriangleMesh& mesh, const Vec3d& corner, const Vec3d& u, const Vec
 
 void add_box(TriangleMesh& mesh, const Box3d& box, double turn_deg) {
   const double turn = turn_deg * kPi / 180, c = std::cos(turn), s = std::sin(turn);
-  const auto turned = [&](const Vec3d& v) { return Vec3d(c * v.x + s * v.z, v.y, c * v.z - s * v.x); };
+  const auto turned = [&](const Vec3d& v) {
+    return Vec3d(c * v.x + s * v.z, v.y, c * v.z - s * v.x);
+  };
   const Vec3d centre = box.center(), size = box.size();
   for (int axis = 0; axis < 3; ++axis) {
     Vec3d n(0.0), u(0.0), v(0.0);

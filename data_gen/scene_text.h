@@ -29,7 +29,8 @@ std::string obj_text(const std::vector<ObjPart>& parts, const std::string& mtl_f
 
 // corner, corner + u, corner + u + v, corner + v: its front is the side of u x v.
 void add_quad(TriangleMesh& mesh, const Vec3d& corner, const Vec3d& u, const Vec3d& v);
-// Six quads with their fronts outwards, turned about the vertical (y) axis through the box's centre.
+// Six quads with their fronts outwards, turned about the vertical (y) axis through the box's
+// centre.
 void add_box(TriangleMesh& mesh, const Box3d& box, double turn_deg = 0);
 
 }  // namespace brume

@@ -27,8 +27,9 @@ double plume_density(const SmokePlume& plume, const Vec3d& p) {
   Vec3d q = (p - plume.source) / plume.height;
   if (q.y <= 0) return 0;
 
-  // Follows the flow back to where the smoke came from. Rising smoke has been stirred for longer, so
-  // the way grows with height: the foot of the plume stays smooth, and its top is folded and wispy.
+  // Follows the flow back to where the smoke came from. Rising smoke has been stirred for longer,
+  // so the way grows with height: the foot of the plume stays smooth, and its top is folded and
+  // wispy.
   const CurlNoise large(random_key(plume.seed, 11)), small(random_key(plume.seed, 12));
   constexpr int kSteps = 8;
   const double way = plume.curl * smooth_step(0.02, 0.8, q.y) / kSteps;
@@ -38,7 +39,8 @@ double plume_density(const SmokePlume& plume, const Vec3d& p) {
   const double h = std::clamp(q.y, 0.0, 1.2);
   const double foot = plume.source_radius / plume.height, top = plume.top_radius / plume.height;
   // A widening column that opens into a cap under the ceiling.
-  const double radius = foot + (top - foot) * std::pow(h, 1.3) + 0.35 * top * smooth_step(0.72, 0.98, h);
+  const double radius =
+      foot + (top - foot) * std::pow(h, 1.3) + 0.35 * top * smooth_step(0.72, 0.98, h);
   const Vec3d axis(0.06 * std::sin(5.1 * h + 0.4) * h, 0, 0.05 * std::sin(4.3 * h + 2.1) * h);
   const double r = std::hypot(q.x - axis.x, q.z - axis.z) / radius;
   const double column = 1 - smooth_step(0.15, 1.15, r);
@@ -48,7 +50,8 @@ double plume_density(const SmokePlume& plume, const Vec3d& p) {
   const GradientNoise billows(random_key(plume.seed, 13));
   const double fine = billows.fractal(q * Vec3d(9.0, 6.5, 9.0), 5, 0.58);
   // The noise eats the edges first: where the column is thin, only its crests are left.
-  const double eaten = column * (1 + 0.9 * plume.detail * fine) - plume.detail * (0.16 - 0.55 * fine);
+  const double eaten =
+      column * (1 + 0.9 * plume.detail * fine) - plume.detail * (0.16 - 0.55 * fine);
   return fade * smooth_step(0.02, 0.05, (p.y - plume.source.y) / plume.height) * thinning *
          std::clamp(eaten, 0.0, 1.5);
 }

@@ -13,14 +13,15 @@ struct SmokePlume {
   Vec3d source{0.0};
   double height = 2;
   double source_radius = 0.12, top_radius = 0.45;
-  double curl = 0.3;         // How far the flow has carried the smoke at the top, in heights.
-  double detail = 1;         // How deeply fine noise bites into the smoke; 0: a smooth column.
-  Box3d fade_box;            // Density falls to 0 over `fade_width` inside its faces; empty: no fade.
+  double curl = 0.3;  // How far the flow has carried the smoke at the top, in heights.
+  double detail = 1;  // How deeply fine noise bites into the smoke; 0: a smooth column.
+  Box3d fade_box;     // Density falls to 0 over `fade_width` inside its faces; empty: no fade.
   double fade_width = 0.08;
   std::uint64_t seed = 1;
 };
 
-// Haze with soft clouds in it, thicker towards the ground. Its mean at the ground is about `density`.
+// Haze with soft clouds in it, thicker towards the ground. Its mean at the ground is about
+// `density`.
 struct Dust {
   double density = 1, scale_height = 1, ground = 0;
   double feature_size = 0.3;  // Of the largest clouds.

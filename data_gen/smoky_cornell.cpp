@@ -32,13 +32,13 @@ std::vector<ObjPart> box_parts() {
   const Vec3d x(kRoom.size().x, 0, 0), y(0, kRoom.size().y, 0), z(0, 0, kRoom.size().z);
   std::vector<ObjPart> parts(5);
   parts[0] = {"floor_ceiling_back", "white", {}};
-  add_quad(parts[0].mesh, kRoom.min, z, x);                       // Floor, faces +y.
-  add_quad(parts[0].mesh, kRoom.min + y, x, z);                   // Ceiling, faces -y.
-  add_quad(parts[0].mesh, kRoom.min, x, y);                       // Back, faces +z.
+  add_quad(parts[0].mesh, kRoom.min, z, x);      // Floor, faces +y.
+  add_quad(parts[0].mesh, kRoom.min + y, x, z);  // Ceiling, faces -y.
+  add_quad(parts[0].mesh, kRoom.min, x, y);      // Back, faces +z.
   parts[1] = {"left_wall", "red", {}};
-  add_quad(parts[1].mesh, kRoom.min, y, z);                       // Faces +x.
+  add_quad(parts[1].mesh, kRoom.min, y, z);  // Faces +x.
   parts[2] = {"right_wall", "green", {}};
-  add_quad(parts[2].mesh, kRoom.min + x, z, y);                   // Faces -x.
+  add_quad(parts[2].mesh, kRoom.min + x, z, y);  // Faces -x.
   parts[3] = {"tall_block", "block", {}};
   add_box(parts[3].mesh, kTallBlock, 18);
   parts[4] = {"low_block", "block", {}};
@@ -65,40 +65,37 @@ SceneJson scene_json(const SmokyCornellOptions& options) {
   }
   // From the upper left front corner through the smoke onto the green wall.
   const Vec3d spot(-0.86, 1.82, 0.72), target(0.52, 0.95, 0.22);
-  return {
-      {"version", 1},
-      {"unit", 1.0},
-      {"up", "Y"},
-      {"camera",
-       {{"position", {0, 1, 3.9}}, {"look_at", {0, 1, 0}}, {"up", {0, 1, 0}}, {"fov_deg", 37}}},
-      {"film", {{"resolution", {options.size_px, options.size_px}}}},
-      {"meshes", SceneJson::array({{{"file", "box.obj"}, {"materials", names}}})},
-      {"materials", materials},
-      {"lights", SceneJson::array({{{"type", "quad"},
-                                    {"corner", {-0.25, 1.995, -0.25}},
-                                    {"edge_u", {0.5, 0, 0}},
-                                    {"edge_v", {0, 0, 0.5}},
-                                    {"radiance", {11, 9.6, 7.6}}},
-                                   {{"type", "spot"},
-                                    {"position", json_of(spot)},
-                                    {"direction", json_of((target - spot).normalized())},
-                                    {"intensity", {13, 14.5, 17}},
-                                    {"inner_deg", 6.5},
-                                    {"outer_deg", 8}}})},
-      {"volumes",
-       SceneJson::array({{{"type", "vdb"},
-                          {"file", "smoke.vdb"},
-                          {"grids", {{"density", "density"}}},
-                          {"density_scale", 9},
-                          {"albedo", {0.95, 0.94, 0.92}},
-                          {"anisotropy", 0.3}},
-                         {{"type", "homogeneous"},
-                          {"bounds", json_of(kRoom)},
-                          {"sigma_s", grey(0.12)},
-                          {"sigma_a", grey(0.01)},
-                          {"anisotropy", 0.4}}})},
-      {"render",
-       {{"bounces", 3}, {"volume_bounces", 1}, {"seed", 1}, {"cells", {16, 50}}}}};
+  return {{"version", 1},
+          {"unit", 1.0},
+          {"up", "Y"},
+          {"camera",
+           {{"position", {0, 1, 3.9}}, {"look_at", {0, 1, 0}}, {"up", {0, 1, 0}}, {"fov_deg", 37}}},
+          {"film", {{"resolution", {options.size_px, options.size_px}}}},
+          {"meshes", SceneJson::array({{{"file", "box.obj"}, {"materials", names}}})},
+          {"materials", materials},
+          {"lights", SceneJson::array({{{"type", "quad"},
+                                        {"corner", {-0.25, 1.995, -0.25}},
+                                        {"edge_u", {0.5, 0, 0}},
+                                        {"edge_v", {0, 0, 0.5}},
+                                        {"radiance", {11, 9.6, 7.6}}},
+                                       {{"type", "spot"},
+                                        {"position", json_of(spot)},
+                                        {"direction", json_of((target - spot).normalized())},
+                                        {"intensity", {13, 14.5, 17}},
+                                        {"inner_deg", 6.5},
+                                        {"outer_deg", 8}}})},
+          {"volumes", SceneJson::array({{{"type", "vdb"},
+                                         {"file", "smoke.vdb"},
+                                         {"grids", {{"density", "density"}}},
+                                         {"density_scale", 9},
+                                         {"albedo", {0.95, 0.94, 0.92}},
+                                         {"anisotropy", 0.3}},
+                                        {{"type", "homogeneous"},
+                                         {"bounds", json_of(kRoom)},
+                                         {"sigma_s", grey(0.12)},
+                                         {"sigma_a", grey(0.01)},
+                                         {"anisotropy", 0.4}}})},
+          {"render", {{"bounces", 3}, {"volume_bounces", 1}, {"seed", 1}, {"cells", {16, 50}}}}};
 }
 
 }  // namespace

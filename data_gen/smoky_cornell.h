@@ -1,5 +1,5 @@
-// The demo: a Cornell box with smoke rising from the low block, thin haze, a ceiling lamp and a spot
-// whose beam goes through the smoke.
+// The demo: a Cornell box with smoke rising from the low block, thin haze, a ceiling lamp and a
+// spot whose beam goes through the smoke.
 #pragma once
 
 #include <filesystem>

@@ -1,5 +1,5 @@
-// Uses the installed headers and libraries as a stranger would: a medium, a surface that light cannot
-// pass, a file written and read back.
+// Uses the installed headers and libraries as a stranger would: a medium, a surface that light
+// cannot pass, a file written and read back.
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -30,7 +30,8 @@ int main(int argc, char** argv) {
 
   // A ramp is what trilinear grids hold exactly.
   const brume::LinearRamp ramp{1, {0.5, 0.25, 0}};
-  const brume::Lattice lattice = brume::covering_lattice({brume::Vec3d(0.0), brume::Vec3d(1.0)}, 0.125);
+  const brume::Lattice lattice =
+      brume::covering_lattice({brume::Vec3d(0.0), brume::Vec3d(1.0)}, 0.125);
   brume::GridToWrite grid;
   grid.count = lattice.count;
   grid.values = brume::sample_field(ramp, lattice);
@@ -46,8 +47,10 @@ int main(int argc, char** argv) {
   const brume::Vec3d a(0.1, 0.2, 0.3), b(0.9, 0.7, 0.6);
   const brume::Ray ray{a, (b - a).normalized()};
   brume::MarchCounters counters;
-  const brume::RgbD tau = brume::optical_depth(brume::Medium({volume}), ray, {0, (b - a).length()}, {}, counters);
-  good &= is_near("optical depth of a ramp", tau.g, 2 * brume::line_integral(ramp, a, b).value(), 1e-5);
+  const brume::RgbD tau =
+      brume::optical_depth(brume::Medium({volume}), ray, {0, (b - a).length()}, {}, counters);
+  good &=
+      is_near("optical depth of a ramp", tau.g, 2 * brume::line_integral(ramp, a, b).value(), 1e-5);
 
   brume::TriangleMesh floor;
   floor.positions = {{-1, 0, -1}, {-1, 0, 1}, {1, 0, 1}, {1, 0, -1}};

@@ -88,8 +88,8 @@ TEST(ConstantBox, MeasuresAWayAlongItsAxesOfEitherSign) {
 
 // Case A6 of the reference cases.
 TEST(GaussianSum, HasThePublishedOpticalDepth) {
-  EXPECT_NEAR(*line_integral(three_gaussians(0.1), {-0.6, 0.25, 0}, {0.9, -0.2, 1.3}), 1.517517640009,
-              1e-12);
+  EXPECT_NEAR(*line_integral(three_gaussians(0.1), {-0.6, 0.25, 0}, {0.9, -0.2, 1.3}),
+              1.517517640009, 1e-12);
 }
 
 TEST(ExponentialAtmosphere, IsExactOnALevelWayAndNearOne) {

@@ -24,7 +24,8 @@ TEST(GradientNoise, GradientIsTheSlopeOfItsValue) {
     for (int axis = 0; axis < 3; ++axis) {
       Vec3d d(0.0);
       d[axis] = kStep;
-      EXPECT_NEAR(gradient[axis], (noise.value(p + d) - noise.value(p - d)) / (2 * kStep), 1e-8) << p;
+      EXPECT_NEAR(gradient[axis], (noise.value(p + d) - noise.value(p - d)) / (2 * kStep), 1e-8)
+          << p;
     }
   }
 }
@@ -71,7 +72,8 @@ TEST(CurlNoise, HasNoDivergence) {
       d[axis] = kStep;
       divergence += (flow.velocity(p + d)[axis] - flow.velocity(p - d)[axis]) / (2 * kStep);
     }
-    // The second derivatives that cancel are continuous, their slopes are not: first order in the step.
+    // The second derivatives that cancel are continuous, their slopes are not: first order in the
+    // step.
     EXPECT_NEAR(divergence, 0, 1e-2) << p;
     speed += flow.velocity(p).length() / 200;
   }

@@ -21,8 +21,8 @@ class DataGenProgram : public testing::Test {
   };
   Result run(const std::string& arguments) {
     const fs::path out = folder_.path() / "out", err = folder_.path() / "err";
-    const std::string command = "cd '" + files().string() + "' && '" BRUME_DATA_GEN "' " + arguments +
-                                " >'" + out.string() + "' 2>'" + err.string() + "'";
+    const std::string command = "cd '" + files().string() + "' && '" BRUME_DATA_GEN "' " +
+                                arguments + " >'" + out.string() + "' 2>'" + err.string() + "'";
     const int status = std::system(command.c_str());
     return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, bytes_of(out), bytes_of(err)};
   }
@@ -49,12 +49,12 @@ TEST_F(DataGenProgram, TellsUsageErrorsFromBadInputAndFromPlacesItCannotWrite) {
     const char* arguments;
     int status;
   };
-  for (const Case& c : {Case{"", 2}, Case{"fields", 2}, Case{"field ball", 2},
-                        Case{"field ball -o a.vdb --radius x", 2}, Case{"field ball -o a.vdb --bounds 0,0", 2},
-                        Case{"field atmosphere -o a.vdb --up 0,0,0", 2},
-                        Case{"field ball -o a.vdb --voxel 0", 3}, Case{"oracle nothing -o .", 3},
-                        Case{"smoky-cornell -o . --resolution 1", 3},
-                        Case{"field ball -o missing/a.vdb", 6}}) {
+  for (const Case& c :
+       {Case{"", 2}, Case{"fields", 2}, Case{"field ball", 2},
+        Case{"field ball -o a.vdb --radius x", 2}, Case{"field ball -o a.vdb --bounds 0,0", 2},
+        Case{"field atmosphere -o a.vdb --up 0,0,0", 2}, Case{"field ball -o a.vdb --voxel 0", 3},
+        Case{"oracle nothing -o .", 3}, Case{"smoky-cornell -o . --resolution 1", 3},
+        Case{"field ball -o missing/a.vdb", 6}}) {
     const Result result = run(c.arguments);
     EXPECT_EQ(result.status, c.status) << c.arguments;
     EXPECT_EQ(result.err.rfind("error: ", 0), 0u) << result.err;
@@ -96,8 +96,9 @@ TEST_F(DataGenProgram, RepeatsItsBytes) {
 TEST_F(DataGenProgram, WritesReferenceScenesByName) {
   const Result result = run("oracle scatg -o scenes --step 0.25");
   ASSERT_EQ(result.status, 0) << result.err;
-  EXPECT_EQ(result.out,
-            "scenes/scatg.json\nscenes/scatg_room.obj\nscenes/scatg_blocks.obj\nscenes/scatg.vdb\n");
+  EXPECT_EQ(
+      result.out,
+      "scenes/scatg.json\nscenes/scatg_room.obj\nscenes/scatg_blocks.obj\nscenes/scatg.vdb\n");
   for (const char* name : {"scatg.json", "scatg_room.obj", "scatg_blocks.obj", "scatg.vdb"})
     EXPECT_TRUE(fs::is_regular_file(files() / "scenes" / name)) << name;
 }

@@ -1,4 +1,5 @@
-// The scenes that data_gen writes: their bytes, and that the scene loader reads back what was meant.
+// The scenes that data_gen writes: their bytes, and that the scene loader reads back what was
+// meant.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -96,8 +97,8 @@ std::vector<Face> faces(const Scene& scene) {
     for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
       const auto& t = mesh.triangles[i];
       const Material& material = scene.materials[mesh.materials[i]];
-      all.push_back({mesh.positions[t[0]], mesh.positions[t[1]], mesh.positions[t[2]], material.albedo,
-                     material.emission, mesh.casts_shadow});
+      all.push_back({mesh.positions[t[0]], mesh.positions[t[1]], mesh.positions[t[2]],
+                     material.albedo, material.emission, mesh.casts_shadow});
     }
   return all;
 }
@@ -116,7 +117,8 @@ TEST_P(OracleScenes, FileAndMemoryAgree) {
   ASSERT_EQ(a.size(), b.size());
   for (std::size_t i = 0; i < a.size(); ++i) {
     // Importers keep positions as floats.
-    EXPECT_LT((a[i].a - b[i].a).length() + (a[i].b - b[i].b).length() + (a[i].c - b[i].c).length(), 1e-6);
+    EXPECT_LT((a[i].a - b[i].a).length() + (a[i].b - b[i].b).length() + (a[i].c - b[i].c).length(),
+              1e-6);
     EXPECT_EQ(a[i].albedo, b[i].albedo);
     EXPECT_EQ(a[i].emission, b[i].emission);
     EXPECT_EQ(a[i].casts_shadow, b[i].casts_shadow);
@@ -126,7 +128,8 @@ TEST_P(OracleScenes, FileAndMemoryAgree) {
   for (std::size_t i = 0; i < file.volumes.size(); ++i) {
     const Volume &v = file.volumes[i], &w = memory.volumes[i];
     EXPECT_EQ(v.phase.g(), w.phase.g());
-    for (const Vec3d& p : {Vec3d(-0.6, 0.25, 0.1), Vec3d(0.43, -0.31, 0.87), Vec3d(0.1, 0.9, 1.4)}) {
+    for (const Vec3d& p :
+         {Vec3d(-0.6, 0.25, 0.1), Vec3d(0.43, -0.31, 0.87), Vec3d(0.1, 0.9, 1.4)}) {
       EXPECT_NEAR(v.density_at(p) * v.sigma_t().r, w.density_at(p) * w.sigma_t().r, 1e-6);
       EXPECT_NEAR(v.density_at(p) * v.sigma_s_at(p).r, w.density_at(p) * w.sigma_s_at(p).r, 1e-6);
       EXPECT_NEAR(v.emission_at(p).r, w.emission_at(p).r, 1e-6);
@@ -185,7 +188,8 @@ TEST(OracleCases, EachIsOfASceneThatExists) {
 }
 
 TEST(OracleScene, EmittersFaceTheWayTheCaseSays) {
-  const OracleEmitter down = oracle_scene("vac").emitters.at(0), side = oracle_scene("abs").emitters.at(0);
+  const OracleEmitter down = oracle_scene("vac").emitters.at(0),
+                      side = oracle_scene("abs").emitters.at(0);
   EXPECT_EQ(down.edge_u.cross(down.edge_v).normalized(), Vec3d(0, 0, -1));
   EXPECT_EQ(side.edge_u.cross(side.edge_v).normalized(), Vec3d(-1, 0, 0));
 }

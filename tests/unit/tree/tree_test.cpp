@@ -52,19 +52,21 @@ std::string read(const fs::path& file) {
 const std::vector<SourceFile>& tree() {
   static const std::vector<SourceFile> all = [] {
     std::vector<SourceFile> files;
-    const std::set<std::string> kinds{".h",    ".cpp", ".txt",  ".cmake", ".in",
-                                      ".json", ".md",  ".sh",   ".py",    ""};
+    const std::set<std::string> kinds{".h",    ".cpp", ".txt", ".cmake", ".in",
+                                      ".json", ".md",  ".sh",  ".py",    ""};
     const fs::path top = BRUME_SOURCE_DIR;
     for (fs::recursive_directory_iterator i(top), end; i != end; ++i) {
       const std::string path = i->path().lexically_relative(top).generic_string();
       const std::string first = path.substr(0, path.find('/'));
-      if (i->is_directory() && (first == ".git" || first == "out" || first.rfind("build", 0) == 0)) {
+      if (i->is_directory() &&
+          (first == ".git" || first == "out" || first.rfind("build", 0) == 0)) {
         i.disable_recursion_pending();
       } else if (i->is_regular_file() && kinds.count(i->path().extension().string()) != 0) {
         files.push_back({path, read(i->path())});
       }
     }
-    std::sort(files.begin(), files.end(), [](const auto& a, const auto& b) { return a.path < b.path; });
+    std::sort(files.begin(), files.end(),
+              [](const auto& a, const auto& b) { return a.path < b.path; });
     return files;
   }();
   return all;
@@ -80,7 +82,8 @@ TEST(Tree, HasTheFoldersTheseTestsLookAt) {
   std::set<std::string> modules;
   for (const SourceFile& file : tree())
     if (file.is_code()) modules.insert(module_of(file));
-  for (const char* module : {"core", "vdb_media", "geom", "cache", "scene", "tools", "data_gen", "tests"})
+  for (const char* module :
+       {"core", "vdb_media", "geom", "cache", "scene", "tools", "data_gen", "tests"})
     EXPECT_EQ(modules.count(module), 1u) << module;
 }
 
@@ -99,7 +102,8 @@ TEST(Tree, KeepsEachOutsideLibraryBehindItsBorder) {
       {{"CLI/"}, {"src/cli/", "data_gen/main.cpp", "tests/unit/cli/"}},
       {{"assimp/"}, {"src/scene/"}},
   };
-  const auto starts_with_any = [](const std::string& text, const std::vector<std::string>& prefixes) {
+  const auto starts_with_any = [](const std::string& text,
+                                  const std::vector<std::string>& prefixes) {
     return std::any_of(prefixes.begin(), prefixes.end(),
                        [&](const std::string& p) { return text.rfind(p, 0) == 0; });
   };
@@ -110,13 +114,15 @@ TEST(Tree, KeepsEachOutsideLibraryBehindItsBorder) {
       for (const Border& border : borders) {
         if (!starts_with_any(include, border.include_prefixes)) continue;
         ++seen;
-        EXPECT_TRUE(starts_with_any(file.path, border.allowed)) << file.path << " includes " << include;
+        EXPECT_TRUE(starts_with_any(file.path, border.allowed))
+            << file.path << " includes " << include;
       }
   }
   EXPECT_GT(seen, 0u);
 }
 
-// They cost many seconds for every file that reads them. vdb_media's own sources share some in private.
+// They cost many seconds for every file that reads them. vdb_media's own sources share some in
+// private.
 TEST(Tree, HasNoPublicHeaderThatIncludesOpenVdb) {
   for (const SourceFile& file : tree()) {
     if (!file.is_header() || file.is_under("vdb_media/src")) continue;
@@ -165,7 +171,8 @@ TEST(Tree, HasArrowsThatNeverTurnRound) {
 TEST(Tree, GathersKnowNothingOfDisks) {
   for (const SourceFile& file : tree()) {
     if (!file.is_code() || !file.is_under("src/gather")) continue;
-    for (const std::string& include : file.includes()) EXPECT_NE(include, "cache/cache_file.h") << file.path;
+    for (const std::string& include : file.includes())
+      EXPECT_NE(include, "cache/cache_file.h") << file.path;
   }
 }
 
@@ -177,7 +184,8 @@ TEST(Tree, ListsEverySourceInItsBuild) {
   for (const SourceFile& file : tree()) {
     if (file.extension() != ".cpp") continue;
     fs::path folder = fs::path(file.path).parent_path();
-    while (!folder.empty() && builds.count(folder.generic_string()) == 0) folder = folder.parent_path();
+    while (!folder.empty() && builds.count(folder.generic_string()) == 0)
+      folder = folder.parent_path();
     const std::string listed = fs::path(file.path).lexically_relative(folder).generic_string();
     const std::string& text = builds[folder.generic_string()];
     // A whole word, so that a_test.cpp does not stand for test.cpp.
@@ -208,7 +216,8 @@ TEST(Tree, HasAnIndexOfItsDecisions) {
   ASSERT_NE(index, tree().end());
   for (const SourceFile& file : tree()) {
     if (!file.is_under("docs/decisions") || &file == &*index) continue;
-    EXPECT_NE(index->text.find("(" + fs::path(file.path).filename().string() + ")"), std::string::npos)
+    EXPECT_NE(index->text.find("(" + fs::path(file.path).filename().string() + ")"),
+              std::string::npos)
         << file.path << " is not in the index";
   }
 }
@@ -217,7 +226,8 @@ TEST(Tree, HasAnIndexOfItsDecisions) {
 TEST(Tree, HasTheFilesItsReadmeLinksTo) {
   const std::string readme = read(fs::path(BRUME_SOURCE_DIR) / "README.md");
   std::size_t links = 0;
-  for (std::size_t at = readme.find("]("); at != std::string::npos; at = readme.find("](", at + 1)) {
+  for (std::size_t at = readme.find("]("); at != std::string::npos;
+       at = readme.find("](", at + 1)) {
     const std::string target = readme.substr(at + 2, readme.find(')', at) - at - 2);
     if (target.find("://") != std::string::npos) continue;
     ++links;
