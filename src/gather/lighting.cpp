@@ -5,11 +5,13 @@
 namespace brume {
 namespace {
 
-constexpr int kPatches = 4;         // Tables of an area light.
+constexpr int kPatchGrid = 3, kPatches = kPatchGrid * kPatchGrid;  // Tables of an area light.
+// Patches average each other's errors out, so their tables may be coarser than a point light's.
+constexpr double kPatchErrorFactor = 2;
 constexpr int kErrorSamples = 4096;  // Points at which the error is measured.
 
-// Patch centres of an area light: the mean of its samples in each quarter of the sample square. Samples
-// of one quarter are spread symmetrically around it, so the first order of the optical depth's change
+// Patch centres of an area light: the mean of its samples in each cell of the sample square. Samples
+// of one cell are spread symmetrically around it, so the first order of the optical depth's change
 // over the patch averages out.
 std::array<Vec3d, kPatches> patch_centres(const Light& light, const Vec3d& seen_from) {
   constexpr int kGrid = 4;
@@ -18,7 +20,8 @@ std::array<Vec3d, kPatches> patch_centres(const Light& light, const Vec3d& seen_
     Vec3d sum(0.0);
     int n = 0;
     for (int i = 0; i < kGrid * kGrid; ++i) {
-      const Vec2d u((p % 2 + (i % kGrid + 0.5) / kGrid) / 2, (p / 2 + (i / kGrid + 0.5) / kGrid) / 2);
+      const Vec2d u((p % kPatchGrid + (i % kGrid + 0.5) / kGrid) / kPatchGrid,
+                    (p / kPatchGrid + (i / kGrid + 0.5) / kGrid) / kPatchGrid);
       const LightSample s = light.sample(seen_from, u);
       if (!(s.distance < kInfinity) || !(s.distance > 0)) continue;
       sum += seen_from + s.direction * s.distance;
@@ -42,8 +45,6 @@ Lighting::Lighting(const World& world, const LightingOptions& options)
   tables_.resize(world.lights().size());
   const Medium& medium = world.medium();
   if (options.depth == LightDepth::Exact || !medium.is_heterogeneous()) return;
-  const LightVolumeOptions volume_options{.target_error = options.target_error,
-                                          .threads = options.threads};
   for (std::size_t l = 0; l < tables_.size(); ++l) {
     const Light& light = *world.lights()[l];
     std::vector<LightOrigin> origins;
@@ -68,6 +69,9 @@ Lighting::Lighting(const World& world, const LightingOptions& options)
         }
       }
     }
+    const double coarser = light.is_delta() ? 1 : kPatchErrorFactor;
+    const LightVolumeOptions volume_options{.target_error = coarser * options.target_error,
+                                            .threads = options.threads};
     for (std::size_t i = 0; i < origins.size(); ++i) {
       Table table{centres[i], {}};
       for (const Volume& v : medium.volumes())

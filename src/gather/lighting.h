@@ -23,12 +23,12 @@ inline ShadowRay shadow_ray(const Vec3d& p, const LightSample& sample) {
 
 struct LightingOptions {
   LightDepth depth = LightDepth::Volumes;
-  double target_error = 0.005;  // Of transmittance, rms, for each light volume.
+  double target_error = 0.01;  // Of transmittance, rms, for each point light's volume; area lights' twice.
   MarchOptions march{};
   int threads = 0;
 };
 
-// Immutable once built, shared by all threads. Area lights have a table for each of four patches;
+// Immutable once built, shared by all threads. Area lights have a table for each of nine patches;
 // environments are always marched.
 class Lighting {
  public:
