@@ -20,14 +20,13 @@ int check_scene(const SceneOptions& options, const CommandContext& context) {
   const Scene scene = load_scene_verbosely(options, context);
   const SceneSummary summary = summarize(scene);
   if (context.json) {
-    const nlohmann::ordered_json json{{"file", options.file.string()},
-                                      {"ok", true},
-                                      {"warnings", scene.warnings}};
+    const nlohmann::ordered_json json{
+        {"file", options.file.string()}, {"ok", true}, {"warnings", scene.warnings}};
     context.out << json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << '\n';
     return 0;
   }
-  context.out << options.file.string() << ": OK: " << counted(summary.triangles, "triangle")
-              << ", " << counted(scene.lights.size() + summary.mesh_lights, "light") << ", "
+  context.out << options.file.string() << ": OK: " << counted(summary.triangles, "triangle") << ", "
+              << counted(scene.lights.size() + summary.mesh_lights, "light") << ", "
               << counted(scene.volumes.size(), "volume") << ", "
               << counted(scene.warnings.size(), "warning") << '\n';
   return 0;

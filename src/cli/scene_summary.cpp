@@ -84,10 +84,14 @@ ordered_json material_json(const Material& m, std::size_t triangles) {
 
 const char* mode_name(Emission::Mode mode) {
   switch (mode) {
-    case Emission::Mode::None: return "none";
-    case Emission::Mode::Density: return "density";
-    case Emission::Mode::Grid: return "grid";
-    case Emission::Mode::Blackbody: return "blackbody";
+    case Emission::Mode::None:
+      return "none";
+    case Emission::Mode::Density:
+      return "density";
+    case Emission::Mode::Grid:
+      return "grid";
+    case Emission::Mode::Blackbody:
+      return "blackbody";
   }
   return "none";
 }
@@ -119,14 +123,14 @@ ordered_json volume_json(const Volume& volume) {
 
 ordered_json settings_json(const Scene& scene) {
   const RenderSettings& r = scene.render;
-  ordered_json json{{"resolution", {scene.film.width, scene.film.height}},
-                    {"bounces", r.bounces},
-                    {"volume_bounces", r.volume_bounces ? ordered_json(*r.volume_bounces)
-                                                        : ordered_json("auto")},
-                    {"seed", r.seed},
-                    {"cells", {r.cells_theta, r.cells_phi}},
-                    {"shells", r.shells},
-                    {"step_voxels", r.step_voxels}};
+  ordered_json json{
+      {"resolution", {scene.film.width, scene.film.height}},
+      {"bounces", r.bounces},
+      {"volume_bounces", r.volume_bounces ? ordered_json(*r.volume_bounces) : ordered_json("auto")},
+      {"seed", r.seed},
+      {"cells", {r.cells_theta, r.cells_phi}},
+      {"shells", r.shells},
+      {"step_voxels", r.step_voxels}};
   if (!scene.cache.file.empty()) {
     constexpr std::array<const char*, 4> kModes{"new", "append", "missing", "read"};
     json["cache"] = {{"file", scene.cache.file.string()},

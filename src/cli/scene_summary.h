@@ -19,8 +19,8 @@ nlohmann::ordered_json summary_json(const Scene& scene);
 // The same, indented text.
 void write_summary_text(std::ostream& out, const nlohmann::ordered_json& summary);
 
-// Optical depth (green) along the x, y and z extent of the volume's box, averaged over the box's cross
-// section; infinite for an unbounded volume, 0 for an empty one.
+// Optical depth (green) along the x, y and z extent of the volume's box, averaged over the box's
+// cross section; infinite for an unbounded volume, 0 for an empty one.
 Vec3d mean_optical_depth(const Volume& volume);
 
 }  // namespace brume

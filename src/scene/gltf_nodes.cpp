@@ -198,8 +198,7 @@ class Reader {
         warn("light " + std::to_string(number_of_light) + " has an impossible cone and is dropped");
         return;
       }
-      imported_.lights.emplace_back(
-          SpotLight{position, travel / length, Rgb(power), inner, outer});
+      imported_.lights.emplace_back(SpotLight{position, travel / length, Rgb(power), inner, outer});
     } else {
       warn("light " + std::to_string(number_of_light) + " of type \"" + printable(kind) +
            "\" is dropped");
@@ -214,7 +213,8 @@ class Reader {
     for (const json& extension : list("extensionsUsed"))
       if (extension.is_string() && !kRead.contains(extension.get<std::string>()))
         dropped += (dropped.empty() ? "" : ", ") + printable(extension.get<std::string>(), 60);
-    if (!dropped.empty()) warn("extensions that are not read are dropped: " + printable(dropped, 300));
+    if (!dropped.empty())
+      warn("extensions that are not read are dropped: " + printable(dropped, 300));
     if (!list("animations").empty()) warn("animations are dropped; nodes stand as written");
     if (!list("skins").empty()) warn("skins are dropped; meshes stand as written");
   }

@@ -15,15 +15,15 @@ namespace {
 
 [[noreturn]] void fail(const std::filesystem::path& file, const std::string& what,
                        const std::string& what_to_do) {
-  throw Error(ErrorKind::InvalidInput,
-              printable(file.string()) + ": " + what + ": " + what_to_do);
+  throw Error(ErrorKind::InvalidInput, printable(file.string()) + ": " + what + ": " + what_to_do);
 }
 
 class OpenFile {
  public:
   explicit OpenFile(const std::filesystem::path& file)
       : file_(file), fd_(::open(file.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY)) {
-    if (fd_ < 0) fail(file, std::string("cannot open it, ") + std::strerror(errno), "check the path");
+    if (fd_ < 0)
+      fail(file, std::string("cannot open it, ") + std::strerror(errno), "check the path");
     struct stat info;
     const bool known = ::fstat(fd_, &info) == 0;
     if (!known || !S_ISREG(info.st_mode)) {

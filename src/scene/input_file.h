@@ -1,5 +1,5 @@
-// Opens files that a scene names: regular files only, never blocking on a pipe, and, when asked, only
-// inside one folder.
+// Opens files that a scene names: regular files only, never blocking on a pipe, and, when asked,
+// only inside one folder.
 #pragma once
 
 #include <cstdint>
@@ -11,8 +11,8 @@ namespace brume {
 
 // All throw Error(InvalidInput) in the form `FILE: what: what to do`.
 
-// Links and `..` resolved, then compared; a file that does not exist yet (an output) is judged by the
-// part of its path that does.
+// Links and `..` resolved, then compared; a file that does not exist yet (an output) is judged by
+// the part of its path that does.
 void check_confined(const std::filesystem::path& file,
                     const std::optional<std::filesystem::path>& folder);
 

@@ -12,8 +12,8 @@ namespace {
 
 using nlohmann::json;
 
-// Builds the document from the parser's events, so that a fault is seen where it stands and depth is
-// bounded before memory is spent on it.
+// Builds the document from the parser's events, so that a fault is seen where it stands and depth
+// is bounded before memory is spent on it.
 class Builder : public nlohmann::json_sax<json> {
  public:
   Builder(std::string_view text, const std::string& file) : text_(text), file_(file) {}
@@ -36,9 +36,9 @@ class Builder : public nlohmann::json_sax<json> {
   bool key(string_t& name) override {
     Level& level = levels_.back();
     if (!level.seen.insert(name).second)
-      throw Error(ErrorKind::InvalidInput,
-                  file_ + ": " + printable(child_pointer(pointer(), name)) +
-                      ": this key stands here twice: keep one of them");
+      throw Error(ErrorKind::InvalidInput, file_ + ": " +
+                                               printable(child_pointer(pointer(), name)) +
+                                               ": this key stands here twice: keep one of them");
     level.key = name;
     return true;
   }
@@ -62,8 +62,8 @@ class Builder : public nlohmann::json_sax<json> {
         line_begin == std::string_view::npos ? before.size() : before.size() - line_begin - 1;
     std::string place = "line " + std::to_string(line) + ", column " + std::to_string(column);
     if (!levels_.empty()) place += ", in " + (levels_.size() == 1 ? "/" : printable(pointer()));
-    throw Error(ErrorKind::InvalidInput, file_ + ": " + place + ": " + printable(reason, 300) +
-                                             ": correct the JSON there");
+    throw Error(ErrorKind::InvalidInput,
+                file_ + ": " + place + ": " + printable(reason, 300) + ": correct the JSON there");
   }
 
  private:
@@ -102,10 +102,9 @@ class Builder : public nlohmann::json_sax<json> {
   }
   bool open(json container) {
     if (levels_.size() >= kMaxJsonDepth)
-      throw Error(ErrorKind::InvalidInput, file_ + ": " + printable(pointer(), 60) +
-                                               ": nested deeper than " +
-                                               std::to_string(kMaxJsonDepth) +
-                                               " levels: a scene file needs 6");
+      throw Error(ErrorKind::InvalidInput,
+                  file_ + ": " + printable(pointer(), 60) + ": nested deeper than " +
+                      std::to_string(kMaxJsonDepth) + " levels: a scene file needs 6");
     json* value = place(std::move(container));
     levels_.push_back({value, {}, {}});
     return true;

@@ -11,8 +11,8 @@ namespace brume {
 // Deeper nesting than this is refused. The scene format needs 6.
 inline constexpr int kMaxJsonDepth = 64;
 
-// Throws Error(InvalidInput): `FILE: line L, column C: ...`, or with a JSON pointer where the fault is a
-// value's. `file` is only named, never opened.
+// Throws Error(InvalidInput): `FILE: line L, column C: ...`, or with a JSON pointer where the fault
+// is a value's. `file` is only named, never opened.
 nlohmann::json parse_json_text(std::string_view text, const std::string& file);
 
 // `/a/b` + `x/y` = `/a/b/x~1y`.

@@ -44,7 +44,9 @@ class MemoryStream : public Assimp::IOStream {
   }
   std::size_t Write(const void*, std::size_t, std::size_t) override { return 0; }
   aiReturn Seek(std::size_t offset, aiOrigin origin) override {
-    const std::size_t base = origin == aiOrigin_SET ? 0 : origin == aiOrigin_CUR ? at_ : bytes_.size();
+    const std::size_t base = origin == aiOrigin_SET   ? 0
+                             : origin == aiOrigin_CUR ? at_
+                                                      : bytes_.size();
     const std::size_t target = base + offset;
     if (target > bytes_.size() || target < base) return aiReturn_FAILURE;
     at_ = target;
@@ -99,7 +101,8 @@ class FileSystem : public Assimp::IOSystem {
       const auto first = line.find_first_not_of(" \t\r");
       if (first == std::string::npos || line.compare(first, 7, "newmtl ") != 0) continue;
       line = line.substr(first + 7);
-      const auto name_begin = line.find_first_not_of(" \t\r"), name_end = line.find_last_not_of(" \t\r");
+      const auto name_begin = line.find_first_not_of(" \t\r"),
+                 name_end = line.find_last_not_of(" \t\r");
       if (name_begin != std::string::npos)
         defined_materials_.insert(line.substr(name_begin, name_end - name_begin + 1));
     }
@@ -146,7 +149,8 @@ class Importer {
     Assimp::Importer importer;
     auto* files = new FileSystem(options_, file_, std::move(bytes));  // Owned by the importer.
     importer.SetIOHandler(files);
-    // Unprocessed first: what the importer hands over is checked before any of its steps touches it.
+    // Unprocessed first: what the importer hands over is checked before any of its steps touches
+    // it.
     if (!importer.ReadFile(file_.string(), 0)) fail_import(importer, *files);
     check(*importer.GetScene());
     if (!importer.ApplyPostProcessing(aiProcess_Triangulate)) fail_import(importer, *files);
@@ -162,7 +166,8 @@ class Importer {
   bool is_gltf() const { return extension_ == ".gltf" || extension_ == ".glb"; }
 
   [[noreturn]] void fail(const std::string& what, const std::string& what_to_do) const {
-    throw Error(ErrorKind::InvalidInput, printable(file_.string()) + ": " + what + ": " + what_to_do);
+    throw Error(ErrorKind::InvalidInput,
+                printable(file_.string()) + ": " + what + ": " + what_to_do);
   }
   [[noreturn]] void fail_import(const Assimp::Importer& importer, const FileSystem& files) const {
     const std::string reason =
@@ -176,7 +181,8 @@ class Importer {
     std::uint64_t triangles = 0;
     for (unsigned m = 0; m < scene.mNumMeshes; ++m) {
       const aiMesh& mesh = *scene.mMeshes[m];
-      if (mesh.mNumVertices > 0 && !mesh.mVertices) fail("a mesh has no positions", "export it again");
+      if (mesh.mNumVertices > 0 && !mesh.mVertices)
+        fail("a mesh has no positions", "export it again");
       if (mesh.mMaterialIndex >= scene.mNumMaterials)
         fail("a mesh names a material that is not there", "export it again");
       for (unsigned f = 0; f < mesh.mNumFaces; ++f) {
@@ -223,7 +229,8 @@ class Importer {
     for (TriangleMesh& mesh : out_.meshes) {
       mesh.name = name_;
       const std::size_t bad = remove_bad_triangles(mesh);
-      if (bad > 0) warn(std::to_string(bad) + " triangles without area or with bad corners are dropped");
+      if (bad > 0)
+        warn(std::to_string(bad) + " triangles without area or with bad corners are dropped");
       repair_normals(mesh);
       for (const std::uint32_t m : mesh.materials) ++out_.materials[m].triangle_count;
     }
@@ -310,8 +317,8 @@ class Importer {
       }
     }
     if (!(opacity >= 1)) transparents_.push_back(m.name);
-    for (const aiTextureType type : {aiTextureType_DIFFUSE, aiTextureType_BASE_COLOR,
-                                     aiTextureType_EMISSIVE})
+    for (const aiTextureType type :
+         {aiTextureType_DIFFUSE, aiTextureType_BASE_COLOR, aiTextureType_EMISSIVE})
       if (source.GetTextureCount(type) > 0) {
         textures_.push_back(m.name);
         break;
@@ -362,8 +369,8 @@ class Importer {
     whole.positions.insert(whole.positions.end(), part.positions.begin(), part.positions.end());
     whole.normals.insert(whole.normals.end(), part.normals.begin(), part.normals.end());
     for (const auto& t : part.triangles)
-      whole.triangles.push_back({std::uint32_t(base + t[0]), std::uint32_t(base + t[1]),
-                                 std::uint32_t(base + t[2])});
+      whole.triangles.push_back(
+          {std::uint32_t(base + t[0]), std::uint32_t(base + t[1]), std::uint32_t(base + t[2])});
     whole.materials.resize(whole.triangles.size(), source.mMaterialIndex);
   }
 

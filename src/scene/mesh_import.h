@@ -1,7 +1,8 @@
 // Surfaces from files that other programs wrote: OBJ with MTL, PLY, glTF and glb.
 //
 // What is imported is in the file's own space with its node transforms applied; what is dropped is
-// said in `warnings`. Nothing the file holds is trusted: indices, counts and numbers are checked here.
+// said in `warnings`. Nothing the file holds is trusted: indices, counts and numbers are checked
+// here.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +20,8 @@
 namespace brume {
 
 struct MeshImportOptions {
-  std::optional<std::filesystem::path> confine;  // Also for what the file itself names (MTL, buffers).
+  std::optional<std::filesystem::path>
+      confine;  // Also for what the file itself names (MTL, buffers).
   std::uint64_t max_triangles = 200'000'000;
 };
 
@@ -42,7 +44,8 @@ struct ImportedFile {
 // Throws Error(InvalidInput) `FILE: what: what to do`.
 ImportedFile import_mesh_file(const std::filesystem::path& file, const MeshImportOptions& options);
 
-// Moves a mesh; mirroring maps keep the front where it was on the mirrored surface. `m` is invertible.
+// Moves a mesh; mirroring maps keep the front where it was on the mirrored surface. `m` is
+// invertible.
 void transform_mesh(TriangleMesh& mesh, const Affine3d& m);
 
 }  // namespace brume

@@ -18,9 +18,9 @@ const Camera& Scene::find_camera(const std::string& name) const {
   for (const auto& [known, unused] : cameras) names.push_back(known);
   std::string list;
   for (const std::string& known : names) list += (list.empty() ? "" : ", ") + printable(known);
-  throw Error(ErrorKind::InvalidInput,
-              where + "no camera is named \"" + printable(name) + "\"; named are " +
-                  (list.empty() ? "none" : list) + ": " + name_hint(name, names));
+  throw Error(ErrorKind::InvalidInput, where + "no camera is named \"" + printable(name) +
+                                           "\"; named are " + (list.empty() ? "none" : list) +
+                                           ": " + name_hint(name, names));
 }
 
 }  // namespace brume

@@ -36,7 +36,8 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
   for (std::size_t j = 0; j <= b.size(); ++j) d[0][j] = j;
   for (std::size_t i = 1; i <= a.size(); ++i)
     for (std::size_t j = 1; j <= b.size(); ++j) {
-      d[i][j] = std::min({d[i - 1][j] + 1, d[i][j - 1] + 1, d[i - 1][j - 1] + (a[i - 1] != b[j - 1])});
+      d[i][j] =
+          std::min({d[i - 1][j] + 1, d[i][j - 1] + 1, d[i - 1][j - 1] + (a[i - 1] != b[j - 1])});
       if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
         d[i][j] = std::min(d[i][j], d[i - 2][j - 2] + 1);
     }
@@ -65,9 +66,10 @@ class Checker {
       const std::string at = child_pointer(pointer, name);
       if (!key) document_.fail(at, "unknown key", name_hint(name, known_keys(schema, kind)));
       if (!key->belongs_to(kind))
-        document_.fail(at, "a " + std::string(schema.name) + " of " +
-                               std::string(schema.discriminator) + " " + in_quotes(kind) +
-                               " has no such key",
+        document_.fail(at,
+                       "a " + std::string(schema.name) + " of " +
+                           std::string(schema.discriminator) + " " + in_quotes(kind) +
+                           " has no such key",
                        "remove it; its keys are " + list_text(known_keys(schema, kind)));
       check(member, *key, at);
     }
@@ -104,10 +106,10 @@ class Checker {
 
   [[noreturn]] void wrong_type(const json& value, const std::string& pointer,
                                const std::string& expected) const {
-    document_.fail(pointer.empty() ? "/" : pointer,
-                   "found " + (value.is_structured() ? shown(value)
-                                                     : json_kind(value) + (" " + shown(value))),
-                   "expected " + expected);
+    document_.fail(
+        pointer.empty() ? "/" : pointer,
+        "found " + (value.is_structured() ? shown(value) : json_kind(value) + (" " + shown(value))),
+        "expected " + expected);
   }
 
   void number(const json& value, const NumberRange& range, const std::string& pointer) const {
@@ -176,33 +178,40 @@ class Checker {
     for (std::size_t i = 0; i < 12; ++i) m.m[i / 4][i % 4] = value[i].get<double>();
     // Relative to its own size: a volume scaled by 1e-30 on one axis against the others is flat.
     double size = 1;
-    for (int c = 0; c < 3; ++c)
-      size *= Vec3d(m.m[0][c], m.m[1][c], m.m[2][c]).length();
+    for (int c = 0; c < 3; ++c) size *= Vec3d(m.m[0][c], m.m[1][c], m.m[2][c]).length();
     if (!m.inverse() || !(std::abs(m.determinant()) > 1e-12 * size))
       document_.fail(pointer, "the transform is singular", "give one that keeps three dimensions");
   }
 
   void check(const json& value, const KeySchema& key, const std::string& pointer) const {
     switch (key.type) {
-      case KeyType::Number: return number(value, key.range, pointer);
-      case KeyType::Integer: return integer(value, key.range, pointer);
+      case KeyType::Number:
+        return number(value, key.range, pointer);
+      case KeyType::Integer:
+        return integer(value, key.range, pointer);
       case KeyType::AutoOrInteger:
         if (value == "auto") return;
         return integer(value, key.range, pointer, "\"auto\" or an integer");
       case KeyType::Boolean:
         if (!value.is_boolean()) wrong_type(value, pointer, "true or false");
         return;
-      case KeyType::Text: return string(value, pointer, "a name");
-      case KeyType::Path: return string(value, pointer, "a path");
-      case KeyType::Choice: return choice(value, key, pointer);
-      case KeyType::Numbers: return numbers(value, key.range, std::size_t(key.count), pointer);
+      case KeyType::Text:
+        return string(value, pointer, "a name");
+      case KeyType::Path:
+        return string(value, pointer, "a path");
+      case KeyType::Choice:
+        return choice(value, key, pointer);
+      case KeyType::Numbers:
+        return numbers(value, key.range, std::size_t(key.count), pointer);
       case KeyType::Integers:
         list(value, pointer, std::size_t(key.count), std::to_string(key.count) + " integers");
         for (std::size_t i = 0; i < value.size(); ++i)
           integer(value[i], key.range, child_pointer(pointer, i));
         return;
-      case KeyType::Box: return box(value, key.range, pointer);
-      case KeyType::Transform: return transform(value, pointer);
+      case KeyType::Box:
+        return box(value, key.range, pointer);
+      case KeyType::Transform:
+        return transform(value, pointer);
       case KeyType::Paths:
       case KeyType::Choices: {
         if (!value.is_array()) wrong_type(value, pointer, "a list of strings");
@@ -218,7 +227,8 @@ class Checker {
         }
         return;
       }
-      case KeyType::Object: return object(value, *key.object, pointer);
+      case KeyType::Object:
+        return object(value, *key.object, pointer);
       case KeyType::ObjectList:
         if (!value.is_array())
           wrong_type(value, pointer, "a list of " + std::string(key.object->name) + " objects");
@@ -273,8 +283,8 @@ json& place_at(const SceneDocument& document, json& root, const std::string& poi
     } else if (at->is_object()) {
       at = &(*at)[token];
     } else {
-      throw Error(ErrorKind::InvalidInput, document.file() + ": " + printable(walked) + ": " + what +
-                                               ": this is " + json_kind(*at) +
+      throw Error(ErrorKind::InvalidInput, document.file() + ": " + printable(walked) + ": " +
+                                               what + ": this is " + json_kind(*at) +
                                                ", not an object or a list: shorten the pointer");
     }
     walked = child_pointer(walked, token);
@@ -289,8 +299,7 @@ void SceneDocument::apply_override(json& root, const std::string& text) {
   const std::size_t equals = text.find('=');
   const std::string shown_text = "-D " + printable(text);
   if (equals == std::string::npos || text[0] != '/' || equals < 2)
-    throw Error(ErrorKind::Usage,
-                shown_text + ": not an override: write -D /json/pointer=value");
+    throw Error(ErrorKind::Usage, shown_text + ": not an override: write -D /json/pointer=value");
   const std::string pointer = text.substr(0, equals), value_text = text.substr(equals + 1);
   json value;
   try {

@@ -1,9 +1,9 @@
 // Checks a scene document against the table of keys, and hands out its values.
 //
 // check_scene_document() refuses everything the table can know about: unknown keys, types, ranges,
-// missing keys. What remains are questions between keys, which scene_file.cpp asks. An ObjectView reads
-// checked values only, and only keys that the table has, so nothing is parsed that the schema does not
-// list.
+// missing keys. What remains are questions between keys, which scene_file.cpp asks. An ObjectView
+// reads checked values only, and only keys that the table has, so nothing is parsed that the schema
+// does not list.
 #pragma once
 
 #include <cstdint>
@@ -24,13 +24,13 @@ class SceneDocument {
 
   const std::string& file() const { return file_; }
 
-  // Applies "/json/pointer=value"; value is JSON, or else a string. Keys may be created, list entries
-  // appended. Throws Error(Usage) for what is not of this form, Error(InvalidInput) where the pointer
-  // leads nowhere.
+  // Applies "/json/pointer=value"; value is JSON, or else a string. Keys may be created, list
+  // entries appended. Throws Error(Usage) for what is not of this form, Error(InvalidInput) where
+  // the pointer leads nowhere.
   void apply_override(nlohmann::json& root, const std::string& text);
 
-  // Throws Error(InvalidInput) `FILE: pointer: what: what to do`, naming the override that set the value
-  // where one did.
+  // Throws Error(InvalidInput) `FILE: pointer: what: what to do`, naming the override that set the
+  // value where one did.
   [[noreturn]] void fail(const std::string& pointer, const std::string& what,
                          const std::string& what_to_do) const;
 

@@ -46,10 +46,9 @@ LightDescription read_light(SceneLoad& load, const ObjectView& view) {
     const double inner = view.number("inner_deg"), outer = view.number("outer_deg");
     if (inner > outer)
       view.fail(view.has("inner_deg") ? "inner_deg" : "outer_deg",
-                "the inner half angle is larger than the outer one",
-                "give inner_deg <= outer_deg");
-    return SpotLight{view.vector("position"), direction(view, "direction"),
-                     view.color("intensity"), inner, outer};
+                "the inner half angle is larger than the outer one", "give inner_deg <= outer_deg");
+    return SpotLight{view.vector("position"), direction(view, "direction"), view.color("intensity"),
+                     inner, outer};
   }
   if (type == "directional")
     return DirectionalLight{direction(view, "direction"), view.color("irradiance")};
@@ -102,7 +101,8 @@ void read_cache(SceneLoad& load, const ObjectView& view) {
                           : mode == "read"   ? CacheMode::Read
                                              : CacheMode::Missing;
   if (load.has_frame_numbers && name.find("##") == std::string::npos)
-    view.fail("file", "one cache for inputs that change by frame would be stale on every other frame",
+    view.fail("file",
+              "one cache for inputs that change by frame would be stale on every other frame",
               "put #### into its name");
   load.scene.cache.file = resolve_path(load, view.pointer("file"), name, false);
 }
@@ -117,9 +117,9 @@ void refuse_unbounded_media_with_distant_light(const ObjectView& root, const Sce
       const bool is_distant = std::holds_alternative<DirectionalLight>(scene.lights[l]) ||
                               std::holds_alternative<EnvironmentLight>(scene.lights[l]);
       if (is_distant)
-        views[v].fail("it fills all space, so light " + std::to_string(l) +
-                          " at infinity is extinguished",
-                      "give it bounds");
+        views[v].fail(
+            "it fills all space, so light " + std::to_string(l) + " at infinity is extinguished",
+            "give it bounds");
     }
   }
 }

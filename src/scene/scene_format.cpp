@@ -12,26 +12,42 @@ using nlohmann::ordered_json;
 
 std::string type_text(const KeySchema& key) {
   switch (key.type) {
-    case KeyType::Number: return "number";
-    case KeyType::Integer: return "integer";
-    case KeyType::AutoOrInteger: return "`\"auto\"` or integer";
-    case KeyType::Boolean: return "boolean";
-    case KeyType::Text: return "string";
-    case KeyType::Path: return "path";
-    case KeyType::Choice: return "choice";
-    case KeyType::Numbers: return std::to_string(key.count) + " numbers";
-    case KeyType::Integers: return std::to_string(key.count) + " integers";
-    case KeyType::Box: return "2 lists of 3 numbers";
-    case KeyType::Transform: return "16 or 0 numbers";
-    case KeyType::Paths: return "list of paths";
-    case KeyType::Choices: return "list of choices";
-    case KeyType::Object: return "[" + std::string(key.object->name) + "](#" +
-                                 std::string(key.object->name) + ")";
-    case KeyType::ObjectList: return "list of [" + std::string(key.object->name) + "](#" +
-                                     std::string(key.object->name) + ")";
-    case KeyType::ObjectMap: return "name to [" + std::string(key.object->name) + "](#" +
-                                    std::string(key.object->name) + ")";
-    case KeyType::TextMap: return "name to name";
+    case KeyType::Number:
+      return "number";
+    case KeyType::Integer:
+      return "integer";
+    case KeyType::AutoOrInteger:
+      return "`\"auto\"` or integer";
+    case KeyType::Boolean:
+      return "boolean";
+    case KeyType::Text:
+      return "string";
+    case KeyType::Path:
+      return "path";
+    case KeyType::Choice:
+      return "choice";
+    case KeyType::Numbers:
+      return std::to_string(key.count) + " numbers";
+    case KeyType::Integers:
+      return std::to_string(key.count) + " integers";
+    case KeyType::Box:
+      return "2 lists of 3 numbers";
+    case KeyType::Transform:
+      return "16 or 0 numbers";
+    case KeyType::Paths:
+      return "list of paths";
+    case KeyType::Choices:
+      return "list of choices";
+    case KeyType::Object:
+      return "[" + std::string(key.object->name) + "](#" + std::string(key.object->name) + ")";
+    case KeyType::ObjectList:
+      return "list of [" + std::string(key.object->name) + "](#" + std::string(key.object->name) +
+             ")";
+    case KeyType::ObjectMap:
+      return "name to [" + std::string(key.object->name) + "](#" + std::string(key.object->name) +
+             ")";
+    case KeyType::TextMap:
+      return "name to name";
   }
   return "";
 }
@@ -59,30 +75,38 @@ ordered_json reference(const ObjectSchema& object) {
 
 ordered_json type_schema(const KeySchema& key) {
   switch (key.type) {
-    case KeyType::Number: return number_schema("number", key.range);
-    case KeyType::Integer: return number_schema("integer", key.range);
+    case KeyType::Number:
+      return number_schema("number", key.range);
+    case KeyType::Integer:
+      return number_schema("integer", key.range);
     case KeyType::AutoOrInteger:
       return {{"oneOf", {{{"const", "auto"}}, number_schema("integer", key.range)}}};
-    case KeyType::Boolean: return {{"type", "boolean"}};
+    case KeyType::Boolean:
+      return {{"type", "boolean"}};
     case KeyType::Text:
-    case KeyType::Path: return {{"type", "string"}, {"minLength", 1}};
-    case KeyType::Choice: return {{"enum", key.choices}};
+    case KeyType::Path:
+      return {{"type", "string"}, {"minLength", 1}};
+    case KeyType::Choice:
+      return {{"enum", key.choices}};
     case KeyType::Numbers:
       return list_schema(number_schema("number", key.range), std::size_t(key.count));
     case KeyType::Integers:
       return list_schema(number_schema("integer", key.range), std::size_t(key.count));
-    case KeyType::Box: return list_schema(list_schema(number_schema("number", key.range), 3), 2);
+    case KeyType::Box:
+      return list_schema(list_schema(number_schema("number", key.range), 3), 2);
     case KeyType::Transform:
-      return {{"oneOf",
-               {list_schema({{"type", "number"}}, 16), list_schema({{"type", "number"}}, 0)}}};
+      return {
+          {"oneOf", {list_schema({{"type", "number"}}, 16), list_schema({{"type", "number"}}, 0)}}};
     case KeyType::Paths:
       return {{"type", "array"},
               {"items", {{"type", "string"}, {"minLength", 1}}},
               {"uniqueItems", true}};
     case KeyType::Choices:
       return {{"type", "array"}, {"items", {{"enum", key.choices}}}, {"uniqueItems", true}};
-    case KeyType::Object: return reference(*key.object);
-    case KeyType::ObjectList: return {{"type", "array"}, {"items", reference(*key.object)}};
+    case KeyType::Object:
+      return reference(*key.object);
+    case KeyType::ObjectList:
+      return {{"type", "array"}, {"items", reference(*key.object)}};
     case KeyType::ObjectMap:
       return {{"type", "object"}, {"additionalProperties", reference(*key.object)}};
     case KeyType::TextMap:

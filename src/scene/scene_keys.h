@@ -17,9 +17,9 @@ enum class KeyType {
   Text,
   Path,  // Relative to the scene file; ${ENV} expands.
   Choice,
-  Numbers,   // A list of `count` numbers.
-  Integers,  // A list of `count` integers.
-  Box,       // [[min x, y, z], [max x, y, z]], each min below its max.
+  Numbers,    // A list of `count` numbers.
+  Integers,   // A list of `count` integers.
+  Box,        // [[min x, y, z], [max x, y, z]], each min below its max.
   Transform,  // 16 numbers, row-major, or an empty list.
   Paths,
   Choices,  // A list of distinct choices.

@@ -32,8 +32,8 @@ auto at_place(const SceneDocument& document, const std::string& pointer, F&& wor
   }
 }
 
-// A path key's value with ${ENV} and #### expanded, made absolute by the scene's folder and confined.
-// `text` stands at `pointer`. Throws Error(InvalidInput) for what can be no path.
+// A path key's value with ${ENV} and #### expanded, made absolute by the scene's folder and
+// confined. `text` stands at `pointer`. Throws Error(InvalidInput) for what can be no path.
 std::filesystem::path resolve_path(SceneLoad& load, const std::string& pointer,
                                    const std::string& text, bool is_input);
 inline std::filesystem::path resolve_input(SceneLoad& load, const ObjectView& view,

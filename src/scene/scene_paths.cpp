@@ -42,8 +42,9 @@ std::string expand_frame(SceneLoad& load, const std::string& pointer, const std:
     if (first == std::string::npos) break;
     const std::size_t end = std::min(text.find_first_not_of('#', first), text.size());
     if (!load.options.frame)
-      load.document.fail(pointer, "the name holds a frame number (" +
-                                      text.substr(first, end - first) + ") and no frame is chosen",
+      load.document.fail(pointer,
+                         "the name holds a frame number (" + text.substr(first, end - first) +
+                             ") and no frame is chosen",
                          "add --frame N");
     const std::string digits = std::to_string(std::abs(*load.options.frame));
     const std::size_t sign = *load.options.frame < 0 ? 1 : 0;

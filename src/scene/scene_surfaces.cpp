@@ -2,7 +2,6 @@
 #include <map>
 
 #include "scene/json_text.h"
-
 #include "scene/mesh_import.h"
 #include "scene/scene_load.h"
 
@@ -55,10 +54,9 @@ class SurfaceLoader {
       if (!m.material.name.empty()) known.push_back(m.material.name);
     for (const auto& [in_file, unused] : mapped)
       if (std::find(known.begin(), known.end(), in_file) == known.end())
-        load_.document.fail(child(view.pointer("materials"), in_file),
-                            "the file has no material of this name",
-                            known.empty() ? "it names none; use \"material\""
-                                          : name_hint(in_file, known));
+        load_.document.fail(
+            child(view.pointer("materials"), in_file), "the file has no material of this name",
+            known.empty() ? "it names none; use \"material\"" : name_hint(in_file, known));
     if (!imported.cameras.empty() || !imported.lights.empty())
       scene_.warnings.push_back(load_.document.file() + ": " + view.pointer("file") +
                                 ": cameras and lights of the file are dropped: name it under "

@@ -160,8 +160,8 @@ class VolumeLoader {
     if (view.has("bounds")) volume.bounds = view.box("bounds");
     if (volume.emission.mode == Emission::Mode::Grid ||
         volume.emission.mode == Emission::Mode::Blackbody)
-      view.object("emission").fail("mode", "a homogeneous volume has no grids",
-                                   "use \"density\" or \"none\"");
+      view.object("emission")
+          .fail("mode", "a homogeneous volume has no grids", "use \"density\" or \"none\"");
     return volume;
   }
 
@@ -180,23 +180,26 @@ class VolumeLoader {
         break;
       }
     if (!wanted.emission.empty() && volume.emission.grid.empty())
-      view.object("emission").fail("mode", "the file has neither an emission nor a flame grid",
-                                   "name one in " + view.pointer("grids"));
+      view.object("emission")
+          .fail("mode", "the file has neither an emission nor a flame grid",
+                "name one in " + view.pointer("grids"));
     return volume;
   }
 
-  std::vector<std::shared_ptr<const BrickGrid>> place(const ObjectView& view, const LoadedGrid& grid,
+  std::vector<std::shared_ptr<const BrickGrid>> place(const ObjectView& view,
+                                                      const LoadedGrid& grid,
                                                       std::size_t max_channels) {
     if (grid.channels.empty() || grid.channels.size() > max_channels)
-      view.fail("file", "grid " + grid.name + " has " + std::to_string(grid.channels.size()) +
-                            " channels",
+      view.fail("file",
+                "grid " + grid.name + " has " + std::to_string(grid.channels.size()) + " channels",
                 "name another in " + view.pointer("grids"));
     const Affine3d transform = view.transform("transform");
     std::vector<std::shared_ptr<const BrickGrid>> placed;
     for (const auto& channel : grid.channels) {
       const Affine3d total = transform * channel->index_to_world();
       for (int a = 0; a < 3; ++a) {
-        const double voxel = total.vector({a == 0 ? 1. : 0., a == 1 ? 1. : 0., a == 2 ? 1. : 0.}).length();
+        const double voxel =
+            total.vector({a == 0 ? 1. : 0., a == 1 ? 1. : 0., a == 2 ? 1. : 0.}).length();
         if (!(voxel >= kMinVoxel && voxel <= kMaxVoxel))
           view.fail("transform",
                     "voxels of grid " + grid.name + " become " + std::to_string(voxel) +

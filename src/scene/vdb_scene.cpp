@@ -1,5 +1,5 @@
-// A scene around a bare volume. It is written as a scene file and read by the same code, so overrides
-// work on it, and what was chosen can be pasted into a file of one's own.
+// A scene around a bare volume. It is written as a scene file and read by the same code, so
+// overrides work on it, and what was chosen can be pasted into a file of one's own.
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -49,7 +49,8 @@ const GridInfo& find_density(const GridFileInfo& info, const std::string& file, 
   std::string names;
   int candidates = 0;
   for (const GridInfo& grid : info.grids) {
-    names += (names.empty() ? "" : ", ") + grid.name + " (" + grid.type + ", " + grid.grid_class + ")";
+    names +=
+        (names.empty() ? "" : ", ") + grid.name + " (" + grid.type + ", " + grid.grid_class + ")";
     const bool is_scalar = grid.type == "float" || grid.type == "half" || grid.type == "double" ||
                            grid.type == "int32";
     if (grid.role || !is_scalar || grid.grid_class == "level set") continue;
@@ -66,7 +67,8 @@ const GridInfo& find_density(const GridFileInfo& info, const std::string& file, 
 }
 
 // A large square below the volume; the file format has no mesh without a file.
-TriangleMesh ground_plane(double y, const Vec3d& centre, double half_width, std::uint32_t material) {
+TriangleMesh ground_plane(double y, const Vec3d& centre, double half_width,
+                          std::uint32_t material) {
   TriangleMesh plane;
   plane.name = "ground";
   for (const auto& [x, z] : {std::pair{-1., -1.}, {-1., 1.}, {1., 1.}, {1., -1.}})
@@ -99,14 +101,14 @@ VdbScene make_vdb_scene(const std::filesystem::path& vdb, const SceneFileOptions
                 file + ": grid " + density.name +
                     ": its place in the world is not finite: write a scene file with a transform");
 
-  ordered_json volume{{"type", "vdb"},
-                      {"file", vdb.filename().string()},
-                      {"grids", {{"density", density.name}}},
-                      {"density_scale", rounded(density.proposed_density_scale > 0
-                                                    ? density.proposed_density_scale
-                                                    : 1)},
-                      {"albedo", {0.9, 0.9, 0.9}},
-                      {"anisotropy", 0}};
+  ordered_json volume{
+      {"type", "vdb"},
+      {"file", vdb.filename().string()},
+      {"grids", {{"density", density.name}}},
+      {"density_scale",
+       rounded(density.proposed_density_scale > 0 ? density.proposed_density_scale : 1)},
+      {"albedo", {0.9, 0.9, 0.9}},
+      {"anisotropy", 0}};
   if (heat) {
     const double scale = heat->max > kLooksLikeKelvin ? 1 : kHottestKelvin / heat->max;
     const double hottest = max_component(blackbody_radiance(heat->max * scale));
@@ -126,8 +128,10 @@ VdbScene make_vdb_scene(const std::filesystem::path& vdb, const SceneFileOptions
       {"type", "directional"}, {"direction", {-0.6, -1, -0.4}}, {"irradiance", {3, 2.85, 2.6}}};
   const ordered_json sky{{"type", "environment"}, {"radiance", {0.2, 0.26, 0.35}}};
   const ordered_json materials{{"ground", {{"albedo", {0.35, 0.35, 0.35}}}}};
-  const ordered_json json{{"version", 1},          {"camera", camera},
-                          {"materials", materials}, {"lights", {sun, sky}},
+  const ordered_json json{{"version", 1},
+                          {"camera", camera},
+                          {"materials", materials},
+                          {"lights", {sun, sky}},
                           {"volumes", {volume}}};
 
   VdbScene out;
@@ -137,8 +141,8 @@ VdbScene make_vdb_scene(const std::filesystem::path& vdb, const SceneFileOptions
   const auto ground = std::find_if(out.scene.materials.begin(), out.scene.materials.end(),
                                    [](const Material& m) { return m.name == "ground"; });
   if (ground != out.scene.materials.end())
-    out.scene.meshes.push_back(ground_plane(
-        y, centre, half_width, std::uint32_t(ground - out.scene.materials.begin())));
+    out.scene.meshes.push_back(
+        ground_plane(y, centre, half_width, std::uint32_t(ground - out.scene.materials.begin())));
 
   const auto note = [&](const std::string& pointer, const ordered_json& value) {
     out.notes.push_back("chose " + pointer + " = " + value.dump());

@@ -98,9 +98,10 @@ std::string gltf(const std::string& nodes, const std::string& material = "{\"nam
 TEST_F(MeshImportTest, ObjWithMtlBringsMaterials) {
   write("m.mtl",
         "newmtl red\nKd 0.6 0.1 0.2\nnewmtl lamp\nKd 0 0 0\nKe 5 6 7\nnewmtl spare\nKd 1 1 1\n");
-  const ImportedFile file = import(
-      "a.obj", "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nusemtl red\nf 1 2 3 4\n"
-               "usemtl lamp\nf 1 2 3\n");
+  const ImportedFile file =
+      import("a.obj",
+             "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nusemtl red\nf 1 2 3 4\n"
+             "usemtl lamp\nf 1 2 3\n");
   ASSERT_EQ(file.meshes.size(), 1u);
   EXPECT_EQ(file.meshes[0].triangles.size(), 3u);
   EXPECT_TRUE(file.meshes[0].normals.empty()) << "no normals in the file: flat";
@@ -112,8 +113,8 @@ TEST_F(MeshImportTest, ObjWithMtlBringsMaterials) {
 }
 
 TEST_F(MeshImportTest, ObjKeepsNormalsOfTheFile) {
-  const ImportedFile file = import(
-      "a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0.6 0.8\nf 1//1 2//1 3//1\n");
+  const ImportedFile file =
+      import("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0.6 0.8\nf 1//1 2//1 3//1\n");
   ASSERT_EQ(file.meshes.at(0).normals.size(), file.meshes[0].positions.size());
   EXPECT_LT((file.meshes[0].normals[0] - Vec3f(0, 0.6f, 0.8f)).length(), 1e-6f);
 }
@@ -146,8 +147,8 @@ TEST_F(MeshImportTest, ObjSaysWhatItDrops) {
 }
 
 TEST_F(MeshImportTest, BadTrianglesAreDroppedAndCounted) {
-  const ImportedFile file = import(
-      "a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 2 0 0\nf 1 2 3\nf 1 2 4\nf 1 1 2\n");
+  const ImportedFile file =
+      import("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 2 0 0\nf 1 2 3\nf 1 2 4\nf 1 1 2\n");
   EXPECT_EQ(file.meshes.at(0).triangles.size(), 1u);
   EXPECT_THAT(file.warnings, Contains(HasSubstr("2 triangles without area")));
 }
@@ -157,7 +158,8 @@ TEST_F(MeshImportTest, ForeignObjsNeverCrash) {
        {"f 1 2 3\n", "v 0 0 0\nf 1 2 3\n", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9999999999\n",
         "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -9 -8 -7 -6 -5\n", "v a b c\nf x y z\n", "v 0 0\nf 1 1 1 1\n",
         "v nan inf 1e999\nv 1 0 0\nv 0 1 0\nv 0 2 0\nf 1 2 3 4\n", "mtllib\nusemtl\nf\n", "",
-        "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/9/9 2/9/9 3/9/9 1/9/9\n", "\xff\xfe\x00", "o\ng\ns\nvn\nvt\n"}) {
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/9/9 2/9/9 3/9/9 1/9/9\n", "\xff\xfe\x00",
+        "o\ng\ns\nvn\nvt\n"}) {
     try {
       for (const TriangleMesh& mesh : import("a.obj", text).meshes)
         for (const auto& t : mesh.triangles)
@@ -185,9 +187,10 @@ TEST_F(MeshImportTest, TrianglesAreLimited) {
 
 TEST_F(MeshImportTest, PlyImports) {
   const ImportedFile file = import(
-      "a.ply", "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
-               "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
-               "0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n");
+      "a.ply",
+      "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
+      "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+      "0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n");
   ASSERT_EQ(file.meshes.size(), 1u);
   EXPECT_EQ(file.meshes[0].triangles.size(), 2u);
   EXPECT_TRUE(file.meshes[0].normals.empty());
@@ -205,8 +208,7 @@ TEST_F(MeshImportTest, PlyWithIndicesOutOfRangeIsRefused) {
 // ---- glTF.
 
 TEST_F(MeshImportTest, GltfAppliesNodeTransforms) {
-  const ImportedFile file = import(
-      "a.gltf", gltf(R"({"translation":[10,0,0],"children":[1]},
+  const ImportedFile file = import("a.gltf", gltf(R"({"translation":[10,0,0],"children":[1]},
                         {"rotation":[0,0,0.70710678,0.70710678],"scale":[2,2,2],"mesh":0})"));
   const TriangleMesh& mesh = file.meshes.at(0);
   // (1,0,0) doubled, turned to y, moved.
@@ -250,13 +252,14 @@ TEST_F(MeshImportTest, GltfMaterialsAreMapped) {
 TEST_F(MeshImportTest, GltfBringsCamerasAndLights) {
   const ImportedFile file = import(
       "a.gltf",
-      gltf(R"({"children":[1,2,3,4],"mesh":0,"translation":[0,0,10]},
+      gltf(
+          R"({"children":[1,2,3,4],"mesh":0,"translation":[0,0,10]},
               {"camera":0,"rotation":[0,0.70710678118654757,0,0.70710678118654757]},
               {"extensions":{"KHR_lights_punctual":{"light":0}},"translation":[1,2,3]},
               {"extensions":{"KHR_lights_punctual":{"light":1}},"rotation":[-0.70710678118654757,0,0,0.70710678118654757]},
               {"extensions":{"KHR_lights_punctual":{"light":2}}})",
-           "{\"name\":\"m\"}",
-           R"(,"cameras":[{"type":"perspective","name":"eye","perspective":{"yfov":1.5707963267948966,"aspectRatio":2,"znear":0.1}}],
+          "{\"name\":\"m\"}",
+          R"(,"cameras":[{"type":"perspective","name":"eye","perspective":{"yfov":1.5707963267948966,"aspectRatio":2,"znear":0.1}}],
                "extensionsUsed":["KHR_lights_punctual"],
                "extensions":{"KHR_lights_punctual":{"lights":[
                  {"type":"point","color":[1,0.5,0],"intensity":683},
@@ -282,11 +285,12 @@ TEST_F(MeshImportTest, GltfBringsCamerasAndLights) {
 TEST_F(MeshImportTest, ForeignGltfsNeverCrash) {
   const std::string node = R"({"mesh":0})";
   const std::vector<std::string> texts{
-      gltf(node, "{}", "", triangle_bytes(77)),                // An index past the vertices.
-      gltf(node, "{}", "", triangle_bytes(), 4000),            // More indices than bytes.
-      gltf(node, "{}", "", triangle_bytes(), 2'000'000'000),   // A bomb.
-      gltf(R"({"mesh":9})"), gltf(R"({"children":[0]})"),      // Nowhere, and itself.
-      gltf(R"({"children":[1]},{"children":[0],"mesh":0})"),   // A circle.
+      gltf(node, "{}", "", triangle_bytes(77)),               // An index past the vertices.
+      gltf(node, "{}", "", triangle_bytes(), 4000),           // More indices than bytes.
+      gltf(node, "{}", "", triangle_bytes(), 2'000'000'000),  // A bomb.
+      gltf(R"({"mesh":9})"),
+      gltf(R"({"children":[0]})"),                            // Nowhere, and itself.
+      gltf(R"({"children":[1]},{"children":[0],"mesh":0})"),  // A circle.
       gltf(R"({"mesh":0,"scale":[0,1,1]})"),
       gltf(R"({"mesh":0,"matrix":[1,2,3]})"),
       gltf(R"({"camera":5,"mesh":0})"),
@@ -311,7 +315,8 @@ TEST_F(MeshImportTest, MaterialsOfTheSceneReplaceThoseOfTheFile) {
         "usemtl c\nf 1 2 3\n");
   const auto scene_with = [&](const std::string& rest) {
     return load(R"({"version": 1, "materials": {"white": {"albedo": [0.9,0.9,0.9]}},
-      "meshes": [{"file": "a.obj")" + rest + "}]}");
+      "meshes": [{"file": "a.obj")" +
+                rest + "}]}");
   };
   const auto albedo = [](const Scene& scene, std::size_t triangle) {
     return scene.materials.at(scene.meshes.at(0).materials.at(triangle)).albedo.r;
@@ -322,8 +327,8 @@ TEST_F(MeshImportTest, MaterialsOfTheSceneReplaceThoseOfTheFile) {
   std::vector<float> found;
   for (std::size_t i = 0; i < 3; ++i) found.push_back(albedo(scene, i));
   EXPECT_THAT(found, testing::UnorderedElementsAre(0.1f, 0.9f, 0.5f));
-  EXPECT_THAT(scene.warnings,
-              Contains(AllOf(HasSubstr("material \"c\", which nothing defines"), HasSubstr("grey"))));
+  EXPECT_THAT(scene.warnings, Contains(AllOf(HasSubstr("material \"c\", which nothing defines"),
+                                             HasSubstr("grey"))));
   EXPECT_THAT(message_of([&] { scene_with(R"(, "materials": {"bb": "white"})"); }),
               AllOf(HasSubstr(": /meshes/0/materials/bb: "), HasSubstr("did you mean \"b\"?")));
 }
@@ -347,10 +352,12 @@ TEST_F(MeshImportTest, MirroringTransformsKeepTheFront) {
 }
 
 TEST_F(MeshImportTest, IncludeTakesCamerasAndLights) {
-  write("room.gltf",
-        gltf(R"({"children":[1],"mesh":0},{"camera":0,"extensions":{"KHR_lights_punctual":{"light":0}}})",
-             "{\"name\":\"m\"}",
-             R"(,"cameras":[{"type":"perspective","name":"eye","perspective":{"yfov":1,"znear":0.1}}],
+  write(
+      "room.gltf",
+      gltf(
+          R"({"children":[1],"mesh":0},{"camera":0,"extensions":{"KHR_lights_punctual":{"light":0}}})",
+          "{\"name\":\"m\"}",
+          R"(,"cameras":[{"type":"perspective","name":"eye","perspective":{"yfov":1,"znear":0.1}}],
                  "extensions":{"KHR_lights_punctual":{"lights":[{"type":"directional","intensity":683}]}})"));
   const Scene scene = load(R"({"version": 1, "include": ["room.gltf"]})");
   EXPECT_EQ(scene.meshes.size(), 1u);

@@ -79,10 +79,11 @@ TEST_P(CornellScenes, LoadUnchanged) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(, CornellScenes,
-                         testing::Values(CornellCase{"cornell_smoke1.json", 0.04, {278, 244.9, 280}},
-                                         CornellCase{"cornell_teapot_cloud.json", 0.001, {276, 280, 280}},
-                                         CornellCase{"cornell_wdas_cloud.json", 0.06, {276, 300, 280}}));
+INSTANTIATE_TEST_SUITE_P(
+    , CornellScenes,
+    testing::Values(CornellCase{"cornell_smoke1.json", 0.04, {278, 244.9, 280}},
+                    CornellCase{"cornell_teapot_cloud.json", 0.001, {276, 280, 280}},
+                    CornellCase{"cornell_wdas_cloud.json", 0.06, {276, 300, 280}}));
 
 TEST_F(SceneData, SmokyBoxLoadsUnchanged) {
   const Scene scene = load_scene(kData / "reference" / "smoky_box.json", {});
@@ -111,10 +112,9 @@ TEST_F(SceneData, GltfCornellBoxImportsWithItsCamera) {
   EXPECT_NEAR(camera.fov_deg, 0.7175414562225342 * 180 / kPi, 1e-9);
   EXPECT_NEAR((camera.look_at - camera.position).z, -1, 1e-9);
   EXPECT_GT(triangle_count(file.meshes), 100u);
-  const auto lamp =
-      std::find_if(file.materials.begin(), file.materials.end(), [](const ImportedMaterial& m) {
-        return m.material.name == "cube_instance_8_material";
-      });
+  const auto lamp = std::find_if(
+      file.materials.begin(), file.materials.end(),
+      [](const ImportedMaterial& m) { return m.material.name == "cube_instance_8_material"; });
   ASSERT_NE(lamp, file.materials.end());
   EXPECT_EQ(lamp->material.emission, Rgb(10.0f));
   // Walls of boxes 10 units apart, moved by their nodes.
@@ -138,9 +138,8 @@ TEST_F(SceneData, MedievalBuildingImportsAndSaysWhatItDrops) {
       import_mesh_file(kData / "meshes" / "medieval_building" / "Medieval_building.obj", {});
   EXPECT_GT(triangle_count(file.meshes), 10000u);
   const auto says = [&](const char* text) {
-    return std::any_of(file.warnings.begin(), file.warnings.end(), [&](const std::string& w) {
-      return w.find(text) != std::string::npos;
-    });
+    return std::any_of(file.warnings.begin(), file.warnings.end(),
+                       [&](const std::string& w) { return w.find(text) != std::string::npos; });
   };
   EXPECT_TRUE(says("images are dropped"));
   EXPECT_TRUE(says("highlights (Ks) are dropped"));
@@ -156,8 +155,9 @@ TEST_F(SceneData, BareVdbBecomesAScene) {
     const Box3d box = made.scene.volumes[0].density->world_bounds();
     const Camera& camera = *made.scene.camera;
     const double radius = (box.max - box.min).length() / 2;
-    EXPECT_GT((camera.position - camera.look_at).length() * std::sin(camera.fov_deg / 2 * kPi / 180),
-              radius * 0.95)
+    EXPECT_GT(
+        (camera.position - camera.look_at).length() * std::sin(camera.fov_deg / 2 * kPi / 180),
+        radius * 0.95)
         << name;
     // The ground lies below.
     EXPECT_LT(bounds(made.scene.meshes).max.y, box.min.y) << name;

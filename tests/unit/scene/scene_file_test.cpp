@@ -48,7 +48,8 @@ class SceneFileTest : public testing::Test {
     ADD_FAILURE() << "nothing was thrown";
     return "";
   }
-  std::string refusal(const std::string& text, const std::vector<std::string>& overrides = {}) const {
+  std::string refusal(const std::string& text,
+                      const std::vector<std::string>& overrides = {}) const {
     const std::string message = message_of([&] { check(text, overrides); });
     EXPECT_THAT(message, StartsWith((folder_.path() / "scene.json").string() + ": "));
     return message;
@@ -88,7 +89,8 @@ TEST_F(SceneFileTest, ExampleArrivesWhole) {
   EXPECT_EQ(scene.film.height, 768);
 
   ASSERT_EQ(scene.materials.size(), 3u);  // By name.
-  const Material &floor = scene.materials[0], &glow = scene.materials[1], &white = scene.materials[2];
+  const Material &floor = scene.materials[0], &glow = scene.materials[1],
+                 &white = scene.materials[2];
   EXPECT_EQ(floor.name, "floor");
   EXPECT_EQ(floor.specular, Rgb(0.5f));
   EXPECT_EQ(floor.roughness, 0.2f);
@@ -146,8 +148,8 @@ TEST_F(SceneFileTest, ByteOrderMarkAndCommentsAreFine) {
 }
 
 TEST_F(SceneFileTest, CameraUpFollowsTheScenesUp) {
-  const Scene scene = check(
-      R"({"version": 1, "up": "Z", "camera": {"position": [0,-4,0], "look_at": [0,0,0]}})");
+  const Scene scene =
+      check(R"({"version": 1, "up": "Z", "camera": {"position": [0,-4,0], "look_at": [0,0,0]}})");
   EXPECT_EQ(scene.camera->up, Vec3d(0, 0, 1));
 }
 
@@ -265,7 +267,8 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{"/meshes/0/file=3", "/meshes/0/file", "expected a path"},
         Refusal{"/meshes/0={}", "/meshes/0", "\"file\" is missing"},
         Refusal{"/meshes/0/casts_shadow=1", "/meshes/0/casts_shadow", "expected true or false"},
-        Refusal{"/meshes/1/materials/mtl_name=3", "/meshes/1/materials/mtl_name", "expected a name"},
+        Refusal{"/meshes/1/materials/mtl_name=3", "/meshes/1/materials/mtl_name",
+                "expected a name"},
         Refusal{"/meshes/0/transform=[1,0,0]", "/meshes/0/transform", "16 numbers"},
         Refusal{"/meshes/0/transform=[1,0,0,0,0,1,0,0,0,0,0,0,0,0,0,1]", "/meshes/0/transform",
                 "singular"},
@@ -275,7 +278,8 @@ INSTANTIATE_TEST_SUITE_P(
                 "last row"},
         Refusal{"/materials/white/albedo=[0,0,1.01]", "/materials/white/albedo/2",
                 "1.01 is outside [0, 1]"},
-        Refusal{"/materials/white/albedo=[-0.1,0,0]", "/materials/white/albedo/0", "outside [0, 1]"},
+        Refusal{"/materials/white/albedo=[-0.1,0,0]", "/materials/white/albedo/0",
+                "outside [0, 1]"},
         Refusal{"/materials/white/type=mirror", "/materials/white/type", "diffuse, glossy"},
         Refusal{"/materials/white/roughness=0.5", "/materials/white/roughness",
                 "type \"diffuse\" has no such key"},
@@ -287,7 +291,8 @@ INSTANTIATE_TEST_SUITE_P(
                 "type \"point\" has no such key"},
         Refusal{"/lights/0/intensity=[-1,0,0]", "/lights/0/intensity/0", "is outside"},
         Refusal{"/lights/1/outer_deg=91", "/lights/1/outer_deg", "(0, 90]"},
-        Refusal{"/lights/3={\"type\":\"quad\",\"corner\":[0,0,0],\"edge_u\":[1,0,0],\"edge_v\":[0,1,0]}",
+        Refusal{"/lights/"
+                "3={\"type\":\"quad\",\"corner\":[0,0,0],\"edge_u\":[1,0,0],\"edge_v\":[0,1,0]}",
                 "/lights/3", "\"radiance\" is missing"},
         Refusal{"/lights/4/scale=-1", "/lights/4/scale", "is outside"},
         Refusal{"/volumes/0/albedo=[1,1,2]", "/volumes/0/albedo/2", "2 is outside [0, 1]"},
@@ -347,15 +352,14 @@ INSTANTIATE_TEST_SUITE_P(
 // Paths that can be none (T13).
 INSTANTIATE_TEST_SUITE_P(
     Paths, SceneFileRefusals,
-    testing::Values(
-        Refusal{"/meshes/0/file=\"\"", "/meshes/0/file", "path is empty"},
-        Refusal{"/meshes/0/file=\"a\\u0000b\"", "/meshes/0/file", "NUL"},
-        Refusal{"/meshes/0/file=file:///etc/passwd", "/meshes/0/file", "is a URL"},
-        Refusal{"/meshes/0/file=http://x/y.obj", "/meshes/0/file", "is a URL"},
-        Refusal{"/meshes/0/file=${BRUME_NOT_SET}/a.obj", "/meshes/0/file",
-                "the environment has no BRUME_NOT_SET"},
-        Refusal{"/meshes/0/file=${HOME", "/meshes/0/file", "without its }"},
-        Refusal{"/volumes/0/file=smoke.####.vdb", "/volumes/0/file", "add --frame N"}));
+    testing::Values(Refusal{"/meshes/0/file=\"\"", "/meshes/0/file", "path is empty"},
+                    Refusal{"/meshes/0/file=\"a\\u0000b\"", "/meshes/0/file", "NUL"},
+                    Refusal{"/meshes/0/file=file:///etc/passwd", "/meshes/0/file", "is a URL"},
+                    Refusal{"/meshes/0/file=http://x/y.obj", "/meshes/0/file", "is a URL"},
+                    Refusal{"/meshes/0/file=${BRUME_NOT_SET}/a.obj", "/meshes/0/file",
+                            "the environment has no BRUME_NOT_SET"},
+                    Refusal{"/meshes/0/file=${HOME", "/meshes/0/file", "without its }"},
+                    Refusal{"/volumes/0/file=smoke.####.vdb", "/volumes/0/file", "add --frame N"}));
 
 TEST_F(SceneFileTest, UnboundedMediumIsFineWithNearLights) {
   const Scene scene = check(R"({"version": 1,
@@ -496,8 +500,8 @@ TEST_F(SceneFileTest, ConfinementRefusesWhatLeavesTheFolder) {
   std::ofstream(outside.path() / "tri.obj") << kTriangle;
   std::filesystem::create_symlink(outside.path() / "tri.obj", folder_.path() / "link.obj");
   write("inside.obj", kTriangle);
-  write("sneaky.obj", "mtllib ../" + outside.path().filename().string() + "/m.mtl\nusemtl m\n" +
-                          kTriangle);
+  write("sneaky.obj",
+        "mtllib ../" + outside.path().filename().string() + "/m.mtl\nusemtl m\n" + kTriangle);
   std::ofstream(outside.path() / "m.mtl") << "newmtl m\nKd 1 0 0\n";
   SceneFileOptions options;
   const auto load_mesh = [&](const std::string& file) {
@@ -512,10 +516,9 @@ TEST_F(SceneFileTest, ConfinementRefusesWhatLeavesTheFolder) {
     EXPECT_THAT(message_of([&] { load_mesh(file); }),
                 AllOf(HasSubstr("/meshes/0/file: "), HasSubstr("leaves the folder")))
         << file;
-  EXPECT_THAT(message_of([&] {
-                load(R"({"version": 1, "outputs": [{"file": "/etc/x.exr"}]})", options);
-              }),
-              AllOf(HasSubstr("/outputs/0/file: "), HasSubstr("leaves the folder")));
+  EXPECT_THAT(
+      message_of([&] { load(R"({"version": 1, "outputs": [{"file": "/etc/x.exr"}]})", options); }),
+      AllOf(HasSubstr("/outputs/0/file: "), HasSubstr("leaves the folder")));
   // What a mesh names is confined too: the library is not read, and that is said.
   const Scene scene = load_mesh("sneaky.obj");
   EXPECT_THAT(scene.warnings, testing::Contains(HasSubstr("leaves the folder")));
@@ -549,8 +552,8 @@ TEST_F(SceneFileTest, RefusesVoxelSizesWithoutMeaning) {
   write_constant_grids(folder_.path() / "a.vdb", {"density"}, 2, 1);
   for (const char* size : {"1e-6", "1e10"}) {
     const std::string text = std::string(R"({"version": 1, "volumes": [{"type": "vdb",
-      "file": "a.vdb", "transform": [)") + size + ",0,0,0, 0," + size + ",0,0, 0,0," + size +
-                             ",0, 0,0,0,1]}]}";
+      "file": "a.vdb", "transform": [)") +
+                             size + ",0,0,0, 0," + size + ",0,0, 0,0," + size + ",0, 0,0,0,1]}]}";
     EXPECT_THAT(message_of([&] { load(text); }),
                 AllOf(HasSubstr("/volumes/0/transform: "), HasSubstr("outside 1e-5 .. 1e9")))
         << size;
@@ -571,7 +574,8 @@ TEST_F(SceneFileTest, GridErrorsNameTheVolume) {
   EXPECT_THAT(message_of([&] { load(volume(R"(, "grids": {"color": "Cd"})")); }),
               HasSubstr("/volumes/0/file: "));
   const Scene unused = load(volume(R"(, "grids": {"temperature": "density"})"));
-  EXPECT_THAT(unused.warnings, testing::Contains(HasSubstr("/volumes/0/grids/temperature: not read")));
+  EXPECT_THAT(unused.warnings,
+              testing::Contains(HasSubstr("/volumes/0/grids/temperature: not read")));
   write("broken.vdb", "not a volume");
   EXPECT_THAT(message_of([&] {
                 load(R"({"version": 1, "volumes": [{"type": "vdb", "file": "broken.vdb"}]})");

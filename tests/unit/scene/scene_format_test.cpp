@@ -74,8 +74,8 @@ bool validates(const json& value, const json& schema, const json& root) {
                     : type == "string"  ? value.is_string()
                     : type == "boolean" ? value.is_boolean()
                     : type == "integer" ? value.is_number() &&
-                                            value.get<double>() == std::floor(value.get<double>())
-                                      : value.is_number();
+                                              value.get<double>() == std::floor(value.get<double>())
+                                        : value.is_number();
     if (!ok) return false;
   }
   if (value.is_number()) {
@@ -153,11 +153,25 @@ TEST(SceneFormat, SchemaAndParserAgreeOnEveryMutantOfTheExample) {
   const json example = parse_json_text(scene_example(), "example");
   ASSERT_TRUE(validates(example, schema, schema));
   // Each leaf and each object in turn becomes each of these, or goes, or gains a key.
-  const std::vector<json> strangers{nullptr, true, -1, 0, 0.5, 1, 2.5, 1000, 1e40, "auto", "x",
-                                    json::array(), json::object(), {1, 2, 3}, {{1, 2}, {3, 4}}};
+  const std::vector<json> strangers{nullptr,
+                                    true,
+                                    -1,
+                                    0,
+                                    0.5,
+                                    1,
+                                    2.5,
+                                    1000,
+                                    1e40,
+                                    "auto",
+                                    "x",
+                                    json::array(),
+                                    json::object(),
+                                    {1, 2, 3},
+                                    {{1, 2}, {3, 4}}};
   int accepted = 0, refused = 0;
   const auto compare = [&](const json& mutant, const std::string& what) {
-    // What the schema cannot say: transforms that are singular, boxes turned over, paths of no length.
+    // What the schema cannot say: transforms that are singular, boxes turned over, paths of no
+    // length.
     const bool ok = is_accepted(mutant), valid = validates(mutant, schema, schema);
     EXPECT_EQ(ok, valid) << what;
     ++(ok ? accepted : refused);
@@ -194,7 +208,8 @@ TEST(SceneFormat, DefaultsOfTheTableAreValidThemselves) {
         const json fallback = json::parse(key.fallback, nullptr, false);
         ASSERT_FALSE(fallback.is_discarded()) << object->name << " " << key.name;
         if (key.type == KeyType::Number || key.type == KeyType::Integer) {
-          EXPECT_TRUE(key.range.contains(fallback.get<double>())) << object->name << " " << key.name;
+          EXPECT_TRUE(key.range.contains(fallback.get<double>()))
+              << object->name << " " << key.name;
         } else if (key.type == KeyType::Choice) {
           EXPECT_THAT(key.choices, testing::Contains(fallback.get<std::string>()));
         }
