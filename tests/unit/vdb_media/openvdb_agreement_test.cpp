@@ -380,9 +380,39 @@ TEST_P(RealFile, TrilinearSamplesAgreeEverywhere) {
   EXPECT_LT(worst, 1e-6 * scale);
 }
 
-// Optical depth by brute force: OpenVDB's sampler in double, 256 midpoints a
-// voxel (the rule's own error is what is left). BRUME_ORACLE_RAYS asks for more rays than a test
-// run should take.
+// Midpoint rule with OpenVDB's values, interpolated in double.
+double brute_force_depth(const openvdb::FloatGrid& grid, const Ray& ray, const Interval& t,
+                         double step) {
+  openvdb::FloatGrid::ConstAccessor accessor = grid.getConstAccessor();
+  const auto steps = static_cast<std::int64_t>(std::ceil((t.end - t.begin) / step));
+  const double h = (t.end - t.begin) / static_cast<double>(steps);
+  double sum = 0;
+  Coord cell(INT_MAX);
+  double v[8] = {};
+  bool dark = true;
+  for (std::int64_t k = 0; k < steps; ++k) {
+    const Vec3d w = ray.at(t.begin + (static_cast<double>(k) + 0.5) * h);
+    const openvdb::Vec3d p = grid.worldToIndex({w.x, w.y, w.z});
+    const Coord c = Coord::floor(p);
+    if (c != cell) {
+      cell = c;
+      dark = true;
+      for (int j = 0; j < 8; ++j) {
+        v[j] = accessor.getValue(c.offsetBy(j & 1, j >> 1 & 1, j >> 2));
+        dark = dark && v[j] == 0;
+      }
+    }
+    if (dark) continue;
+    const double fx = p.x() - c.x(), fy = p.y() - c.y(), fz = p.z() - c.z();
+    const auto mix = [](double a, double b, double f) { return a + f * (b - a); };
+    sum += mix(mix(mix(v[0], v[1], fx), mix(v[2], v[3], fx), fy),
+               mix(mix(v[4], v[5], fx), mix(v[6], v[7], fx), fy), fz);
+  }
+  return sum * h;
+}
+
+// 256 midpoints a voxel; what is left is mostly their own error. BRUME_ORACLE_RAYS asks for more rays
+// than a test run should take.
 TEST_P(RealFile, OpticalDepthAgreesWithBruteForce) {
   const char* asked = std::getenv("BRUME_ORACLE_RAYS");
   const int rays = asked != nullptr ? std::max(1, std::atoi(asked)) : 200;
@@ -391,7 +421,6 @@ TEST_P(RealFile, OpticalDepthAgreesWithBruteForce) {
   volume.sigma_s = RgbD(1);
   const Box3d bounds = ours_->world_bounds();
   const Vec3d size = bounds.size();
-  const double step = ours_->voxel_size() / 256;
 
   struct Result {
     double ours = 0, theirs = 0;
@@ -412,41 +441,18 @@ TEST_P(RealFile, OpticalDepthAgreesWithBruteForce) {
     MarchCounters counters;
     results[i].ours = density_integral(volume, ray, {0, kInfinity}, {}, counters);
 
-    openvdb::FloatGrid::ConstAccessor accessor = theirs_->getConstAccessor();
-    const auto steps = static_cast<std::int64_t>(std::ceil((t.end - t.begin) / step));
-    const double h = (t.end - t.begin) / static_cast<double>(steps);
-    double sum = 0;
-    Coord cell(INT_MAX);
-    double v[8] = {};
-    bool dark = true;
-    for (std::int64_t k = 0; k < steps; ++k) {
-      const Vec3d w = ray.at(t.begin + (static_cast<double>(k) + 0.5) * h);
-      const openvdb::Vec3d p = theirs_->worldToIndex({w.x, w.y, w.z});
-      const Coord c = Coord::floor(p);
-      if (c != cell) {
-        cell = c;
-        dark = true;
-        for (int j = 0; j < 8; ++j) {
-          v[j] = accessor.getValue(c.offsetBy(j & 1, j >> 1 & 1, j >> 2));
-          dark = dark && v[j] == 0;
-        }
-      }
-      if (dark) continue;
-      const double fx = p.x() - c.x(), fy = p.y() - c.y(), fz = p.z() - c.z();
-      const auto mix = [](double a, double b, double f) { return a + f * (b - a); };
-      sum += mix(mix(mix(v[0], v[1], fx), mix(v[2], v[3], fx), fy),
-                 mix(mix(v[4], v[5], fx), mix(v[6], v[7], fx), fy), fz);
-    }
-    results[i].theirs = sum * h;
+    results[i].theirs = brute_force_depth(*theirs_, ray, t, ours_->voxel_size() / 256);
+    // A ray that only cuts an edge of the smoke meets few midpoints: take more of them.
+    if (results[i].theirs < 2 * ours_->range().max * ours_->voxel_size())
+      results[i].theirs = brute_force_depth(*theirs_, ray, t, ours_->voxel_size() / 2048);
   });
 
-  double largest = 0, worst = 0, mean_depth = 0;
+  double largest = 0, worst = 0;
   int crossing = 0;
   for (const Result& r : results) largest = std::max(largest, r.theirs);
   for (const Result& r : results) {
-    mean_depth += r.theirs / rays;
     if (r.theirs == 0) {
-      EXPECT_EQ(r.ours, 0);
+      EXPECT_LE(r.ours, 1e-9 * largest);  // It may pass between the midpoints.
       continue;
     }
     ++crossing;
@@ -456,7 +462,7 @@ TEST_P(RealFile, OpticalDepthAgreesWithBruteForce) {
   std::printf("  %s: %d rays, %d cross it, largest relative difference %.2e\n", GetParam(), rays,
               crossing, worst);
   EXPECT_GT(crossing, rays / 4);
-  EXPECT_LT(worst, 2e-5);
+  EXPECT_LT(worst, 5e-6);
 }
 
 INSTANTIATE_TEST_SUITE_P(Grids, RealFile, testing::Values("smoke1.vdb", "wdas_cloud_sixteenth.vdb"),
