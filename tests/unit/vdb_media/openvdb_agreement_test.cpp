@@ -411,8 +411,8 @@ double brute_force_depth(const openvdb::FloatGrid& grid, const Ray& ray, const I
   return sum * h;
 }
 
-// 256 midpoints a voxel; what is left is mostly their own error. BRUME_ORACLE_RAYS asks for more rays
-// than a test run should take.
+// 256 midpoints a voxel; what is left is mostly their own error. BRUME_ORACLE_RAYS asks for more
+// rays than a test run should take.
 TEST_P(RealFile, OpticalDepthAgreesWithBruteForce) {
   const char* asked = std::getenv("BRUME_ORACLE_RAYS");
   const int rays = asked != nullptr ? std::max(1, std::atoi(asked)) : 200;
