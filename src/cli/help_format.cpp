@@ -61,29 +61,48 @@ class HelpFormat : public CLI::Formatter {
     if (app->get_parent() != nullptr)
       footer += std::string(footer.empty() ? "" : "\n\n") +
                 "Any verb also takes -t, -q, -v, --progress, --json and --stats: see `brume --help`.";
-    return '\n' + footer + '\n';
+    return footer + '\n';
   }
 };
 
-void append_verb(const CLI::App& verb, const std::string& prefix, std::string& page) {
-  const std::string name = prefix + ' ' + verb.get_name();
-  page += "## " + name + "\n\n```text\n" + verb.help(name) + "```\n\n";
+void append_verb(const CLI::App& verb, std::string& page) {
+  page += "## " + full_name(verb) + "\n\n```text\n" + help_text(verb) + "```\n\n";
   for (const CLI::App* inner : verb.get_subcommands([](const CLI::App*) { return true; }))
-    append_verb(*inner, name, page);
+    append_verb(*inner, page);
 }
 
 }  // namespace
 
-void use_help_format(CLI::App& app) { app.formatter(std::make_shared<HelpFormat>()); }
+void use_help_format(CLI::App& app) {
+  const auto format = std::make_shared<HelpFormat>();
+  format->label("SUBCOMMAND", "VERB");
+  app.formatter(format);
+}
+
+std::string full_name(const CLI::App& verb) {
+  std::string name = verb.get_name();
+  for (const CLI::App* parent = verb.get_parent(); parent != nullptr; parent = parent->get_parent())
+    name = parent->get_name() + ' ' + name;
+  return name;
+}
+
+// Not App::help(), which speaks of the verb that was parsed, whomever one asks.
+std::string help_text(const CLI::App& verb) {
+  std::string text =
+      verb.get_formatter()->make_help(&verb, full_name(verb), CLI::AppFormatMode::Normal);
+  // CLI11 ends a group with one blank line and begins the next with another.
+  for (std::size_t at; (at = text.find("\n\n\n")) != std::string::npos;) text.erase(at, 1);
+  return text;
+}
 
 std::string help_as_markdown(const CLI::App& app) {
   std::string page =
       "# The command line of brume\n\n"
       "This page is what the program says of itself: `brume help --markdown`. A test compares the "
       "two.\n\n```text\n" +
-      app.help("brume", CLI::AppFormatMode::All) + "```\n\n";
+      help_text(app) + "```\n\n";
   for (const CLI::App* verb : app.get_subcommands([](const CLI::App*) { return true; }))
-    append_verb(*verb, "brume", page);
+    append_verb(*verb, page);
   page.pop_back();
   return page;
 }

@@ -190,8 +190,10 @@ CropIntervals crop_of(const RenderOptions& options, const Size2& size) {
                                       ": leaves the image, which is " + std::to_string(size.x) + "x" +
                                       std::to_string(size.y));
   CropIntervals result;
-  result.x = {crop.x0 / size.x, crop.x1 / size.x};
-  result.y = {crop.y0 / size.y, crop.y1 / size.y};
+  // Well inside the outermost pixels, so that no rounding takes in a neighbour.
+  constexpr double kInset = 0.25;
+  result.x = {(crop.x0 + kInset) / size.x, (crop.x1 - kInset) / size.x};
+  result.y = {(crop.y0 + kInset) / size.y, (crop.y1 - kInset) / size.y};
   result.pixels = static_cast<std::size_t>((crop.x1 - crop.x0) * (crop.y1 - crop.y0));
   return result;
 }

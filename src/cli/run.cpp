@@ -34,13 +34,6 @@ const CLI::App& parsed_verb(const CLI::App& app) {
   return *verb;
 }
 
-std::string full_name(const CLI::App& verb) {
-  std::string name = verb.get_name();
-  for (const CLI::App* parent = verb.get_parent(); parent != nullptr; parent = parent->get_parent())
-    if (!parent->get_name().empty()) name = parent->get_name() + ' ' + name;
-  return name;
-}
-
 std::vector<std::string> verb_names(const CLI::App& app) {
   std::vector<std::string> names;
   for (const CLI::App* verb : verbs_of(app)) names.push_back(verb->get_name());
@@ -104,12 +97,12 @@ void add_help_command(CLI::App& app, CommandContext& context) {
         return 0;
       }
       if (options->verb.empty()) {
-        context.out << app.help("brume", CLI::AppFormatMode::All);
+        context.out << help_text(app);
         return 0;
       }
       for (const CLI::App* candidate : verbs_of(app))
         if (candidate->get_name() == options->verb) {
-          context.out << candidate->help("brume " + options->verb);
+          context.out << help_text(*candidate);
           return 0;
         }
       throw Error(ErrorKind::Usage, "unknown verb '" + printable(options->verb) + "'" +
@@ -165,6 +158,7 @@ void build(CLI::App& app, CommandContext& context) {
   add_diff_command(app, context);
   add_scene_commands(app, context);
   add_help_command(app, context);
+  for (CLI::App* verb : app.get_subcommands([](CLI::App*) { return true; })) verb->group("Verbs");
   app.footer(R"(A setting comes from its flag, else from the environment (--step-voxels is BRUME_STEP_VOXELS), else
 from the scene file. Results go to standard output, everything else to standard error. NO_COLOR is
 respected.
@@ -184,8 +178,7 @@ std::optional<int> parse(CLI::App& app, CommandContext& context) {
     std::vector<std::string> reversed(context.arguments.rbegin(), context.arguments.rend());
     app.parse(std::move(reversed));
   } catch (const CLI::CallForHelp&) {
-    const CLI::App& verb = parsed_verb(app);
-    context.out << verb.help(&verb == &app ? "brume" : full_name(verb), CLI::AppFormatMode::Normal);
+    context.out << help_text(parsed_verb(app));
     return 0;
   } catch (const CLI::CallForVersion&) {
     context.out << version_text();
