@@ -89,7 +89,7 @@ double unit_scale(double extent) {
   return std::ldexp(1.0, -exponent);
 }
 
-// Hides every difference between calling a release and forgetting to.
+// Owns one of Embree's counted references.
 template <typename T, void (*Release)(T)>
 class Handle {
  public:
@@ -151,7 +151,8 @@ struct RayTracer::Impl {
       r.origin[a] = static_cast<float>((start[a] - centre[a]) * scale);
       r.direction[a] = static_cast<float>(d[a]);
     }
-    // Four is beyond any part of the scene from any start inside its box.
+    // Eight is beyond any part of the scene from any start inside its box, and endless rays stay
+    // finite.
     r.t_far = static_cast<float>(std::min((t_end - t_start) * scale, 8.0));
     r.is_valid = r.t_far > 0;
     return r;

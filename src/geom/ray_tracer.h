@@ -37,8 +37,8 @@ struct ShadowRay {
   double t_end = kInfinity;
 };
 
-// Immutable once built; all queries are thread-safe. A ray with a non-finite part or a zero direction
-// misses.
+// Immutable once built; all queries are thread-safe. A ray with a non-finite part, or a direction that is
+// not of unit length, misses.
 class RayTracer {
  public:
   // Meshes must be clean (remove_bad_triangles). Throws Error(Resource) when out of memory.
@@ -54,10 +54,12 @@ class RayTracer {
 
   // Nearest hit with 0 < t < t_end.
   Hit intersect(const Ray& ray, double t_end = kInfinity) const;
-  // Same for many rays, in packets of 8 (DESIGN 4.5); hits.size() == rays.size().
+  // Same for many rays, in packets of 8 (DESIGN 4.5); hits.size() == rays.size(). Which of two triangles
+  // answers on their shared edge may differ from the call above, and depends on the rays of the packet.
   void intersect(std::span<const Ray> rays, std::span<Hit> hits) const;
 
-  // Whether anything that casts shadows lies strictly between origin and t_end.
+  // Whether anything that casts shadows lies strictly between origin and t_end. The last 1e-5 of the way
+  // does not count, so that a ray may end on a light's surface.
   bool is_occluded(const ShadowRay& ray) const;
   // Same for many, in packets of 16; 1 where occluded.
   void is_occluded(std::span<const ShadowRay> rays, std::span<std::uint8_t> occluded) const;

@@ -92,8 +92,14 @@ double exponential(RandomStream& random) { return -std::log1p(-random.uniform())
 // Below this weight every second path is dropped and the others doubled.
 constexpr double kRouletteBelow = 0.02;
 
+// A channel that is nearly gone while another is not plays by itself, so that it ends.
+constexpr double kChannelRouletteBelow = 1e-3;
+
 // False: dropped.
 bool play_roulette(RgbD& weight, RandomStream& random) {
+  for (int c = 0; c < 3; ++c)
+    if (weight[c] > 0 && weight[c] < kChannelRouletteBelow * max_component(weight))
+      weight[c] = random.uniform() < 0.5 ? 2 * weight[c] : 0;
   const double most = max_component(weight);
   if (most > kRouletteBelow) return true;
   if (!(most > 0) || random.uniform() < 0.5) {
@@ -123,6 +129,7 @@ class MediumTracker::Process {
       : volume(&v),
         volume_index(index),
         stretches_(density_stretches(v, ray, range)),
+        boost_(boost),
         rate_per_density_(max_component(v.sigma_t()) * boost),
         min_rate_(min_rate) {}
   // Of an emission grid; `channel` -1: all three.
@@ -132,6 +139,7 @@ class MediumTracker::Process {
         emission_grid(&emission),
         channel(emission_channel),
         stretches_(Stretches::of_grid(emission, ray, range)),
+        boost_(0),
         rate_per_density_(0),
         min_rate_(1 / (kEmissionVoxels * emission.voxel_size())) {}
 
@@ -142,7 +150,7 @@ class MediumTracker::Process {
   // To the next collision; t is infinite where there is none.
   void advance(RandomStream& random) {
     while (true) {
-      const double depth = rate * (stretch_.t1 - at_);
+      const double depth = rate > 0 ? rate * (stretch_.t1 - at_) : 0;
       if (left_ < depth) {
         t = at_ += left_ / rate;
         left_ = exponential(random);
@@ -158,8 +166,18 @@ class MediumTracker::Process {
       rate = std::max(rate_per_density_ * stretch_.high, min_rate_);
     }
   }
-  bool is_endless() const { return std::isinf(stretch_.t1); }
-  void end() { t = kInfinity; }
+  // From here on only channels with weight collide. Those that a dense volume has put out would
+  // else keep one that it lets through busy for ever. Call it at a collision, before advance().
+  void forget_dark_channels(const RgbD& weight) {
+    if (weight.r > 0 && weight.g > 0 && weight.b > 0) return;
+    const RgbD sigma_t = volume->sigma_t();
+    double largest = 0;
+    for (int c = 0; c < 3; ++c)
+      if (weight[c] > 0) largest = std::max(largest, sigma_t[c]);
+    rate_per_density_ = largest * boost_;
+    if (largest == 0) min_rate_ = 0;
+    rate = std::max(rate_per_density_ * stretch_.high, min_rate_);
+  }
 
   const Volume* volume;
   int volume_index = -1;
@@ -167,6 +185,11 @@ class MediumTracker::Process {
   int channel = -1;
   double t = kInfinity, rate = 0;
 
+  // Inside a stretch a homogeneous volume is 1, even where rounding puts p on the wrong side of its
+  // wall: a dense one would never get away from there.
+  double density_at(const Vec3d& p) const {
+    return volume->is_homogeneous() ? 1 : volume->density_at(p);
+  }
   RgbD emission_at(const Vec3d& p) const {
     const double value = emission_grid->sample(emission_grid->world_to_index().point(p));
     const RgbD color = RgbD(volume->emission.color) * (volume->emission.scale * value);
@@ -179,7 +202,7 @@ class MediumTracker::Process {
  private:
   Stretches stretches_;
   Stretch stretch_;
-  double rate_per_density_, min_rate_, at_ = 0, left_ = 0;
+  double boost_, rate_per_density_, min_rate_, at_ = 0, left_ = 0;
 };
 
 MediumTracker::MediumTracker(const Medium& medium) : medium_(&medium) {
@@ -267,7 +290,7 @@ Sweep MediumTracker::sweep(const Ray& ray, double t_end, const RgbD& path_weight
       process->advance(random);
       continue;
     }
-    const double density = v.density_at(p);
+    const double density = process->density_at(p);
     if (density > 0) {
       if (v.emits() && v.emission.mode != Emission::Mode::Grid)
         result.emission += weight * v.emission_at(p) / process->rate;
@@ -285,13 +308,8 @@ Sweep MediumTracker::sweep(const Ray& ray, double t_end, const RgbD& path_weight
         weight[c] *= std::max(0.0, 1 - sigma_t[c] * density / process->rate);
       if (!play_roulette(weight, random)) break;
     }
+    process->forget_dark_channels(weight);
     process->advance(random);
-    if (std::isinf(t_end) && process->is_endless()) {
-      // Channels that an endless volume does not dim would collide for ever, with nothing to gain.
-      const RgbD s = v.sigma_t();
-      if (is_black(RgbD(s.r > 0 ? weight.r : 0, s.g > 0 ? weight.g : 0, s.b > 0 ? weight.b : 0)))
-        process->end();
-    }
   }
   result.transmittance = weight;
   if (result.scatter.is_set) result.scatter.weight *= total / chosen;
@@ -315,7 +333,7 @@ Flight MediumTracker::fly(const Ray& ray, double t_end, const RgbD& path_weight,
       process->advance(random);
       continue;
     }
-    const double density = v.density_at(p);
+    const double density = process->density_at(p);
     if (density > 0) {
       if (v.emits() && v.emission.mode != Emission::Mode::Grid)
         result.emission += weight * v.emission_at(p) / rate;
@@ -337,12 +355,8 @@ Flight MediumTracker::fly(const Ray& ray, double t_end, const RgbD& path_weight,
       weight = pass / (1 - probability);
       if (!play_roulette(weight, random)) return result;
     }
+    process->forget_dark_channels(weight);
     process->advance(random);
-    if (std::isinf(t_end) && process->is_endless()) {
-      const RgbD s = v.sigma_t();
-      if (is_black(RgbD(s.r > 0 ? weight.r : 0, s.g > 0 ? weight.g : 0, s.b > 0 ? weight.b : 0)))
-        process->end();
-    }
   }
   return result;
 }

@@ -272,6 +272,57 @@ TEST(PathTracer, EmissionGridsGlowWithoutDensity) {
   expect_near(sensor.layer(Layer::VolumeEmission), RgbD(1, 0.5, 0.25) * expected, 1e-5);
 }
 
+// HARD_CASES N11: no NaN, no negative light, no endless loop.
+TEST(PathTracer, ExtremeDensitiesStayFinite) {
+  for (const double sigma : {1e-30, 1e-6, 1e6, 1e30}) {
+    Scene scene;
+    const Box3d box({-1, -1, -1}, {1, 1, 1});
+    // Null collisions in a brick's empty corners bound what a grid may hold.
+    const double in_grid = std::min(sigma, 1e3);
+    scene.volumes = {lumpy(box, RgbD(in_grid), {0, in_grid / 2, in_grid}, 0.9),
+                     homogeneous({0, sigma, 0}, {sigma, sigma, 0}, -0.9, box)};
+    scene.volumes[0].emission.mode = Emission::Mode::Density;
+    EnvironmentLight sky;
+    scene.lights = {sky, PointLight{{0, 0, 0}, Rgb(1.0f)}, PointLight{{0, 0, 0.999}, Rgb(1.0f)}};
+    scene.materials = {diffuse(0.5)};
+    scene.meshes = {plane(3, -1, 0)};
+    const World world(scene);
+    for (const Transport transport : {Transport::Cached, Transport::Full}) {
+      Sensor sensor({0.3, 0.2, 3}, {0, 0, 0}, 4);
+      sensor.expose(world, options_of(transport, 16));
+      for (int i = 0; i < 16; ++i) {
+        const PixelResult& p = sensor.film().at(i % 4, i / 4);
+        for (int c = 0; c < 3; ++c) {
+          EXPECT_TRUE(std::isfinite(p.beauty()[c])) << sigma;
+          EXPECT_GE(p.beauty()[c], 0) << sigma;
+          EXPECT_GE(p.transmittance[c], 0) << sigma;
+        }
+      }
+      const RgbD t = sensor.of([](const PixelResult& p) { return p.transmittance; }).mean;
+      if (sigma < 1e-5) {
+        EXPECT_NEAR(t.g, 1, 1e-4);
+      } else {
+        EXPECT_EQ(t.r, 0);
+      }
+    }
+  }
+}
+
+// An endless medium that one channel does not see must not keep a ray busy for ever.
+TEST(PathTracer, EndlessMediumOfOneColourEnds) {
+  Scene scene;
+  Volume v = homogeneous({1, 1, 0}, {0.5, 0.5, 0});
+  v.emission.mode = Emission::Mode::Density;
+  scene.volumes = {v};
+  const World world(scene);
+  Sensor sensor({0, 0, 0}, {0, 0, 1}, 8);
+  // Emission 1 sigma_t and nothing behind it: radiance 1 without scattering.
+  sensor.expose(world, options_of(Transport::Cached, 64));
+  expect_near(sensor.layer(Layer::VolumeEmission), {1, 1, 0}, 1e-6, 0.05);
+  sensor.expose(world, options_of(Transport::Full, 4));
+  EXPECT_EQ(sensor.beauty().mean.b, 0);
+}
+
 struct Furnace {
   double tau, g;
   bool is_lumpy;
