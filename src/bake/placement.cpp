@@ -4,7 +4,7 @@
 
 #include "core/random.h"
 #include "core/sampling.h"
-#include "render/camera_rays.h"
+#include "scene/camera_rays.h"
 
 namespace brume {
 namespace {

@@ -87,10 +87,11 @@ int bake_scene(const BakeOptions& options, const CommandContext& context) {
   const BakeRequest request = make_request(options, scene, context, progress);
   const World world = statistics.timed("world", [&] { return World(scene); });
   CacheSession session(choice, world, settings);
-  if (!session.may_bake()) {
+  const bool needs_bake = statistics.timed("coverage", [&] { return session.needs_bake(world, request); });
+  if (!needs_bake) {
     statistics.effects = plan_effects(world, settings.bounces, settings.volume_bounces).names();
     statistics.records = session.existing()->records().size();
-    require_coverage(world, settings, session, request, statistics);
+    if (!session.may_bake()) require_coverage(world, settings, session, request, statistics);
     report(context, session, statistics, false);
     return 0;
   }

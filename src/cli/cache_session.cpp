@@ -145,6 +145,11 @@ CacheSession::CacheSession(const CacheSettings& choice, const World& world,
   }
 }
 
+bool CacheSession::needs_bake(const World& world, const BakeRequest& request) const {
+  if (mode_ != CacheMode::Missing || !existing_) return may_bake();
+  return measure_coverage(world, settings_, *existing_, request).uncovered > 0;
+}
+
 bool CacheSession::save(const IrradianceCache& cache, std::size_t added) const {
   if (file_.empty() || !may_bake()) return false;
   if (existing_ && added == 0) return false;

@@ -36,6 +36,8 @@ class CacheSession {
   const std::filesystem::path& file() const { return file_; }
   Fingerprint fingerprint() const { return fingerprint_; }
   bool may_bake() const { return mode_ != CacheMode::Read; }
+  // Mode Missing fills gaps: with every place of `request` covered there is nothing to bake.
+  bool needs_bake(const World& world, const BakeRequest& request) const;
   // What the file held and the mode keeps; null for nothing.
   std::shared_ptr<const IrradianceCache> existing() const { return existing_; }
 

@@ -4,7 +4,7 @@
 #include "cli/cache_session.h"
 #include "core/parallel.h"
 #include "core/random.h"
-#include "render/camera_rays.h"
+#include "scene/camera_rays.h"
 
 namespace brume {
 namespace {

@@ -155,6 +155,9 @@ void add_diff_command(CLI::App& app, CommandContext& context) {
                    "Also compare means of N x N pixels (block_nrmse), which leaves bias and drops noise")
       ->type_name("N")
       ->check(CLI::Range(1, 65536));
+  verb->footer(R"(Examples:
+  brume diff shot.exr reference.exr
+  brume diff shot.exr reference.exr --layer diffuse_indirect --fail-above relmse=0.01 --json)");
   verb->callback([options, &context] {
     context.action = [options, &context] { return run_diff(*options, context); };
   });

@@ -5,7 +5,7 @@
 #include "cli/command.h"
 #include "cli/statistics.h"
 #include "cli/values.h"
-#include "render/camera_rays.h"
+#include "scene/camera_rays.h"
 #include "render/film.h"
 
 namespace brume {

@@ -2,6 +2,7 @@
 //
 // Gradients are shown per metre, whatever the scene's unit; positions and radii in scene units (SPEC).
 #include <array>
+#include <cmath>
 
 #include "cli/cache_session.h"
 #include "cli/commands.h"
@@ -52,20 +53,36 @@ std::uint64_t probe_key(std::uint64_t seed, int repetition) {
   return random_key(seed, std::uint64_t{0x70726f6265}, repetition);
 }
 
-RgbGradient central_difference(Gatherer& gatherer, GatherPoint point, const HitLight& below, double h,
-                               Counters& counters) {
-  RgbGradient result;
-  const Vec3d centre = point.position;
-  for (int axis = 0; axis < 3; ++axis) {
-    Vec3d step(0.0);
-    step[axis] = h;
-    point.position = centre + step;
-    const RgbD ahead = gatherer.gather(point, below, counters).irradiance;
-    point.position = centre - step;
-    const RgbD behind = gatherer.gather(point, below, counters).irradiance;
-    for (int c = 0; c < 3; ++c) result[c][axis] = (ahead[c] - behind[c]) / (2 * h);
-  }
-  return result;
+// How far a point on a surface has to be lifted to clear it; 0 for a point in free space. A surface
+// counts as its own within a millionth of the scene.
+double surface_offset(const World& world, const Vec3d& position, const Vec3d& normal) {
+  const double reach = 1e-6 * world.diagonal();
+  if (!(reach > 0) || !std::isfinite(reach)) return 0;
+  const Hit hit = world.tracer().intersect({position + normal * reach, -normal}, 2 * reach);
+  return hit.is_hit() ? hit.offset : 0;
+}
+
+// In free space by central differences. On a surface there is no light behind it to compare with, so
+// along the normal a one-sided difference of second order stands in.
+RgbGradient difference_quotient(Gatherer& gatherer, const GatherPoint& at, const HitLight& below,
+                                double h, Counters& counters) {
+  const auto irradiance = [&](const Vec3d& shift) {
+    GatherPoint point = at;
+    point.position += shift;
+    return gatherer.gather(point, below, counters).irradiance;
+  };
+  const auto central = [&](const Vec3d& direction) {
+    return (irradiance(direction * h) - irradiance(direction * -h)) / (2 * h);
+  };
+  if (at.offset == 0)
+    return outer(central({1, 0, 0}), {1, 0, 0}) + outer(central({0, 1, 0}), {0, 1, 0}) +
+           outer(central({0, 0, 1}), {0, 0, 1});
+  const Frame frame(at.normal);
+  const RgbD along_normal = (4.0 * irradiance(frame.n * h) - 3.0 * irradiance(Vec3d(0.0)) -
+                             irradiance(frame.n * (2 * h))) /
+                            (2 * h);
+  return outer(central(frame.u), frame.u) + outer(central(frame.v), frame.v) +
+         outer(along_normal, frame.n);
 }
 
 FiniteDifference finite_difference(Gatherer& gatherer, const GatherPoint& point,
@@ -77,7 +94,7 @@ FiniteDifference finite_difference(Gatherer& gatherer, const GatherPoint& point,
   for (int i = 0; i < kNoiseSeeds; ++i) {
     GatherPoint shifted = point;
     shifted.key = probe_key(seed, i);
-    samples[i] = central_difference(gatherer, shifted, below, h, counters);
+    samples[i] = difference_quotient(gatherer, shifted, below, h, counters);
     mean += samples[i] * (1.0 / kNoiseSeeds);
   }
   result.value = samples[0];
@@ -115,6 +132,7 @@ Answers gather_answers(const ProbeOptions& options, const Lighting& lighting,
   Answers a;
   a.point.position = *options.position;
   a.point.normal = options.normal->normalized();
+  a.point.offset = surface_offset(lighting.world(), a.point.position, a.point.normal);
   a.point.key = probe_key(seed, 0);
   {
     // Full gathers what every other mode needs.
@@ -124,8 +142,9 @@ Answers gather_answers(const ProbeOptions& options, const Lighting& lighting,
     a.gather = gatherer.gather(a.point, below, statistics.counters);
     for (std::size_t m = 0; m < kModes.size(); ++m) a.by_mode[m] = gatherer.gradient(kModes[m]);
   }
-  a.direct = direct_irradiance(lighting, a.point.position, a.point.normal, kDirectSamples,
-                               random_key(a.point.key, 1), statistics.counters);
+  a.direct = direct_irradiance(lighting, a.point.position + a.point.normal * a.point.offset,
+                               a.point.normal, kDirectSamples, random_key(a.point.key, 1),
+                               statistics.counters);
   a.radius = split_sphere_radius(a.gather, a.point.normal, settings, lighting.world().diagonal());
   if (options.finite_difference) {
     GatherOptions values_alone = point_options;
@@ -288,8 +307,8 @@ void add_probe_command(CLI::App& app, CommandContext& context) {
       [](const std::string& option, const std::string& text) {
         return std::optional<double>(parse_number(option, text, 1e-12, 1e12));
       },
-      "Also the gradient by central differences H apart (scene units) from the same random numbers, "
-      "and its noise over seeds")
+      "Also the gradient by differences over steps of H (scene units) from the same random numbers, "
+      "central but along the normal of a surface, and its noise over seeds")
       ->group("Point");
   add_path(*verb, "--cache", options->cache_file, "C.irc",
            "Further bounces come from this cache of the scene, with its settings (default: they are "

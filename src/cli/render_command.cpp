@@ -128,12 +128,13 @@ int RenderRun::run() {
 int RenderRun::bake_view(const Lighting& lighting, const BakeSettings& settings,
                          CacheSession& session) {
   cache_ = session.existing();
-  if (!session.may_bake()) return 0;
   BakeRequest request;
   request.views = {{options_.camera, scene_.find_camera(options_.camera), size_.x, size_.y}};
   request.threads = context_.threads;
   request.progress = progress_.callback();
   request.stop_requested = SignalWatch::stop_requested;
+  const World& world = lighting.world();
+  if (!statistics_.timed("coverage", [&] { return session.needs_bake(world, request); })) return 0;
   const BakeResult baked = statistics_.timed("bake", [&] {
     return options_.gather_everywhere
                ? bake_deeper_layers(lighting, settings, request, cache_.get())

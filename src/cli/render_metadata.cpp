@@ -6,7 +6,9 @@
 namespace brume {
 namespace {
 
+// "none" for none: EXR readers take an empty attribute for a missing one.
 std::string joined(const std::vector<std::string>& parts, const std::string& separator) {
+  if (parts.empty()) return "none";
   std::string text;
   for (const std::string& part : parts) text += (text.empty() ? "" : separator) + printable(part, 4096);
   return text;

@@ -7,7 +7,7 @@
 #include "cli/statistics.h"
 #include "core/hash.h"
 #include "core/image.h"
-#include "render/camera_rays.h"
+#include "scene/camera_rays.h"
 #include "scene/scene.h"
 
 namespace brume {

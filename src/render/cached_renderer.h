@@ -6,7 +6,7 @@
 
 #include "bake/bake.h"
 #include "cache/irradiance_cache.h"
-#include "render/camera_rays.h"
+#include "scene/camera_rays.h"
 #include "render/film.h"
 
 namespace brume {

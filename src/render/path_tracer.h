@@ -7,7 +7,7 @@
 #include <functional>
 #include <optional>
 
-#include "render/camera_rays.h"
+#include "scene/camera_rays.h"
 #include "render/film.h"
 #include "scene/world.h"
 

@@ -46,6 +46,9 @@ struct ReferencePaths::Surface {
 
   // Directions through the surface that only the interpolated normal takes for reflections carry
   // nothing.
+  // Clear of the surface. Lights are sampled from here: from the hit itself, a lamp close behind a
+  // grazing ray would shadow its own samples.
+  Vec3d point() const { return hit->position + normal * hit->offset; }
   double cosine(const Vec3d& wi) const {
     return normal.dot(wi) > 0 ? std::max(0.0, shading_normal.dot(wi)) : 0;
   }
@@ -110,9 +113,9 @@ double ReferencePaths::near_share(int light, const Vec3d& p) const {
   return 0;
 }
 
-template <typename Eval, typename Origin>
+template <typename Eval>
 ReferencePaths::Reflected ReferencePaths::direct_light(const Vec3d& p, bool in_medium,
-                                                       const Eval& eval, const Origin& origin,
+                                                       const Eval& eval,
                                                        const SamplePoints* points,
                                                        RandomStream& random) {
   Reflected result;
@@ -151,7 +154,7 @@ ReferencePaths::Reflected ReferencePaths::direct_light(const Vec3d& p, bool in_m
     const double q = mean_component(value.sum());
     if (!(q > 0)) continue;
     if (each) {
-      const RgbD visible = visibility(origin(sample.direction), sample, random);
+      const RgbD visible = visibility(p, sample, random);
       for (int l = 0; l < 2; ++l) result.value[l] += value.value[l] * visible;
       continue;
     }
@@ -163,7 +166,7 @@ ReferencePaths::Reflected ReferencePaths::direct_light(const Vec3d& p, bool in_m
     }
   }
   if (chosen_q > 0) {
-    const RgbD visible = visibility(origin(chosen.direction), chosen, random) * (total / chosen_q);
+    const RgbD visible = visibility(p, chosen, random) * (total / chosen_q);
     for (int l = 0; l < 2; ++l) result.value[l] = chosen_value.value[l] * visible;
   }
   return result;
@@ -180,20 +183,20 @@ RgbD ReferencePaths::direct_in_medium(const Vec3d& p, const Vec3d& direction, in
                const double value = phase.eval(direction, wi);
                return Lobes{{RgbD(value), {}}, {goes_on ? value : 0, 0}};
              },
-             [&](const Vec3d&) { return p; }, points, random)
+             points, random)
       .value[0];
 }
 
 RgbD ReferencePaths::direct_on_surface(const Surface& s, RandomStream& random) {
   return direct_light(
-             s.hit->position, false,
+             s.point(), false,
              [&](const Vec3d& wi) {
                const double cosine = s.cosine(wi);
                if (!(cosine > 0)) return Lobes{};
                return Lobes{{s.diffuse(cosine) + s.glossy(wi, cosine), {}},
                             {pdf_brdf(*s.material, s.shading_normal, wi, s.wo), 0}};
              },
-             [&](const Vec3d& wi) { return s.hit->spawn(wi); }, nullptr, random)
+             nullptr, random)
       .value[0];
 }
 
@@ -303,7 +306,7 @@ void ReferencePaths::shade_eye(const Surface& s, const RgbD& transmittance,
   const Material& material = *s.material;
   const bool has_rays = options_.transport == Transport::Full || options_.bounces > 0;
   const Reflected direct = direct_light(
-      s.hit->position, false,
+      s.point(), false,
       [&](const Vec3d& wi) {
         const double cosine = s.cosine(wi);
         Lobes lobes;
@@ -316,7 +319,7 @@ void ReferencePaths::shade_eye(const Surface& s, const RgbD& transmittance,
         }
         return lobes;
       },
-      [&](const Vec3d& wi) { return s.hit->spawn(wi); }, &points, random);
+      &points, random);
   result[Layer::DiffuseDirect] = transmittance * direct.value[0];
   result[Layer::GlossyDirect] = transmittance * direct.value[1];
   if (!has_rays) return;
@@ -325,7 +328,7 @@ void ReferencePaths::shade_eye(const Surface& s, const RgbD& transmittance,
                           Layer indirect_layer) {
     if (!(pdf > 0) || !(s.cosine(wi) > 0)) return;
     const Gathered light =
-        gather({{s.hit->spawn(wi), wi}, s.hit->position, pdf}, transmittance * weight, random);
+        gather({{s.point(), wi}, s.point(), pdf}, transmittance * weight, random);
     result[direct_layer] += light.direct;
     result[indirect_layer] += light.indirect;
   };
@@ -382,7 +385,7 @@ ReferencePaths::Gathered ReferencePaths::gather_cached(DrawnRay drawn, RgbD weig
         sample_brdf(*s.material, s.shading_normal, s.wo, u, random.uniform2());
     if (!(sample.pdf > 0) || !(s.cosine(sample.wi) > 0)) break;
     weight *= sample.weight;
-    drawn = {{hit.spawn(sample.wi), sample.wi}, hit.position, sample.pdf};
+    drawn = {{s.point(), sample.wi}, s.point(), sample.pdf};
   }
   return light;
 }
@@ -422,7 +425,7 @@ ReferencePaths::Gathered ReferencePaths::gather_full(DrawnRay drawn, RgbD weight
           sample_brdf(*s.material, s.shading_normal, s.wo, u, random.uniform2());
       if (!(sample.pdf > 0) || !(s.cosine(sample.wi) > 0)) break;
       weight *= sample.weight;
-      drawn = {{hit.spawn(sample.wi), sample.wi}, hit.position, sample.pdf};
+      drawn = {{s.point(), sample.wi}, s.point(), sample.pdf};
     }
 
     if (vertex < kRouletteFrom) continue;

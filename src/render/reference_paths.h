@@ -55,8 +55,8 @@ class ReferencePaths {
   Surface surface_at(const Hit& hit, const Vec3d& wo) const;
   Hit intersect(const Ray& ray);
   RgbD visibility(const Vec3d& origin, const LightSample& sample, RandomStream& random);
-  template <typename Eval, typename Origin>
-  Reflected direct_light(const Vec3d& p, bool in_medium, const Eval& eval, const Origin& origin,
+  template <typename Eval>
+  Reflected direct_light(const Vec3d& p, bool in_medium, const Eval& eval,
                          const SamplePoints* points, RandomStream& random);
   RgbD direct_in_medium(const Vec3d& p, const Vec3d& direction, int volume, bool goes_on,
                         const SamplePoints* points, RandomStream& random);

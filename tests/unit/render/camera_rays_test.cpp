@@ -1,4 +1,4 @@
-#include "render/camera_rays.h"
+#include "scene/camera_rays.h"
 
 #include <gtest/gtest.h>
 
