@@ -39,8 +39,8 @@ TEST_F(Bake, TheBytesDependOnNoThreadCount) {
   const std::string scene = write_scene();
   for (const char* threads : {"1", "2", "3"})
     ASSERT_EQ(brume({"bake", scene, "-o", path(threads), "-t", threads}).code, 0);
-  EXPECT_EQ(read("1"), read("2"));
-  EXPECT_EQ(read("1"), read("3"));
+  EXPECT_TRUE(read("1") == read("2"));
+  EXPECT_TRUE(read("1") == read("3"));
 }
 
 TEST_F(Bake, ACoveredCacheIsLeftAsItIs) {
@@ -62,12 +62,12 @@ TEST_F(Bake, AStaleCacheIsRefusedUnlessItIsToBeReplaced) {
     EXPECT_EQ(result.code, 3) << mode;
     EXPECT_THAT(result.err, HasSubstr("stale"));
     EXPECT_THAT(result.err, HasSubstr("seed 1, here 7"));
-    EXPECT_EQ(read("c.irc"), before);
+    EXPECT_TRUE(read("c.irc") == before);
   }
   EXPECT_EQ(bake({"-D", "/lights/0/intensity/0=4"}).code, 3);
   EXPECT_EQ(bake({"-D", "/camera/fov_deg=50"}).code, 0) << "cameras are not part of it";
   EXPECT_EQ(bake({"--seed", "7", "--cache-mode", "new"}).code, 0);
-  EXPECT_NE(read("c.irc"), before);
+  EXPECT_TRUE(read("c.irc") != before);
 }
 
 TEST_F(Bake, DamagedAndForeignFilesAreRefusedUntouched) {
@@ -78,7 +78,7 @@ TEST_F(Bake, DamagedAndForeignFilesAreRefusedUntouched) {
   RunResult result = bake();
   EXPECT_EQ(result.code, 3);
   EXPECT_THAT(result.err, HasSubstr("corrupt"));
-  EXPECT_EQ(read("c.irc"), damaged);
+  EXPECT_TRUE(read("c.irc") == damaged);
   EXPECT_EQ(render({}).code, 3);
 
   write("c.irc", "not a cache at all, but somebody's notes");
@@ -98,7 +98,7 @@ TEST_F(Bake, ReadModeSaysHowMuchIsNotCovered) {
   const RunResult result = bake({"--cache-mode", "read", "-D", "/camera/look_at=[0,1,5]"});
   EXPECT_EQ(result.code, 3);
   EXPECT_THAT(result.err, HasSubstr("are not covered"));
-  EXPECT_EQ(read("c.irc"), before);
+  EXPECT_TRUE(read("c.irc") == before);
 }
 
 TEST_F(Bake, AppendKeepsWhatWasThere) {
@@ -118,12 +118,12 @@ TEST_F(Bake, RenderFillsReadsAndCountsFallbacks) {
   const std::string before = read("c.irc");
   const RunResult again = render({});
   EXPECT_EQ(again.json()["records_added"], 0);
-  EXPECT_EQ(read("c.irc"), before);
+  EXPECT_TRUE(read("c.irc") == before);
   const RunResult elsewhere =
       render({"--cache-mode", "read", "-D", "/camera/look_at=[0,1,5]"});
   ASSERT_EQ(elsewhere.code, 0) << elsewhere.err;
   EXPECT_GT(elsewhere.json()["fallback_gathers"], 0);
-  EXPECT_EQ(read("c.irc"), before);
+  EXPECT_TRUE(read("c.irc") == before);
 }
 
 TEST_F(Bake, TheSceneNamesACacheAndItsMode) {

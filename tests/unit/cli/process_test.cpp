@@ -40,13 +40,13 @@ class Process : public CliTest {
   }
   // Long enough that a signal finds it at work.
   std::vector<std::string> long_path_trace() {
-    return {"render", write_scene(), "-o", path("a.exr"), "--integrator", "path", "--res", "256x256",
-            "--spp", "100000", "--progress", "plain"};
+    return {"render", write_scene(), "-o", path("a.exr"), "--integrator", "path", "--res", "1024x1024",
+            "--spp", "1000", "--progress", "plain"};
   }
   void wait_until_err_has(const std::string& text) {
     for (int i = 0; i < 600 && read("err").find(text) == std::string::npos; ++i)
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    ASSERT_THAT(read("err"), testing::HasSubstr(text));
+    EXPECT_THAT(read("err"), testing::HasSubstr(text));
   }
 };
 
@@ -67,7 +67,7 @@ TEST_F(Process, ASignalWithoutACheckpointGives128PlusItsNumber) {
 TEST_F(Process, ASignalLeavesAValidCheckpoint) {
   const std::string scene = write_scene();
   const std::vector<std::string> command{"bake",   scene,     "-o",      path("c.irc"), "--res",
-                                         "512x512", "--cells", "64x201", "--progress", "plain",
+                                         "512x512", "--cells", "16x50", "--progress", "plain",
                                          "--error", "0.02",   "--max-radius", "0.01"};
   const pid_t pid = start(command, path("out"));
   wait_until_err_has(" %");

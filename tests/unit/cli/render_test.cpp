@@ -85,8 +85,8 @@ TEST_F(Render, ReproducibleImagesDependOnNoThreadCountOrName) {
                                     "--spp", "1", "--reproducible"});
     ASSERT_EQ(result.code, 0) << result.err;
   }
-  EXPECT_EQ(read("1.exr"), read("2.exr"));
-  EXPECT_EQ(read("1.exr"), read("3.exr"));
+  EXPECT_TRUE(read("1.exr") == read("2.exr"));
+  EXPECT_TRUE(read("1.exr") == read("3.exr"));
   const ImageFile file = read_image(path("1.exr"));
   EXPECT_FALSE(file.metadata.contains("brume:seconds:render"));
   EXPECT_TRUE(file.metadata.contains("brume:sceneHash"));
@@ -145,7 +145,7 @@ TEST_F(Render, ExistingImagesFollowThePolicy) {
   EXPECT_THAT(skipped.err, HasSubstr("skipped"));
   EXPECT_EQ(read("a.exr"), "precious");
   EXPECT_EQ(render({"--existing", "overwrite"}).code, 0);
-  EXPECT_NE(read("a.exr"), "precious");
+  EXPECT_TRUE(read("a.exr") != "precious");
 }
 
 TEST_F(Render, UnwritableOutputsAreFoundBeforeWorkBegins) {
