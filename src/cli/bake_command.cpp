@@ -40,9 +40,8 @@ BakeRequest make_request(const BakeOptions& options, const Scene& scene,
 // Read mode bakes nothing; it says whether anything would have to be.
 void require_coverage(const World& world, const BakeSettings& settings, const CacheSession& session,
                       const BakeRequest& request, Statistics& statistics) {
-  const Coverage coverage = statistics.timed("coverage", [&] {
-    return measure_coverage(world, settings, *session.existing(), request);
-  });
+  const Coverage coverage = statistics.timed(
+      "coverage", [&] { return measure_coverage(world, settings, *session.existing(), request); });
   statistics.details["points"] = coverage.asked;
   statistics.details["uncovered"] = coverage.uncovered;
   if (coverage.uncovered > 0)
@@ -69,15 +68,16 @@ void report(const CommandContext& context, const CacheSession& session, Statisti
 int bake_scene(const BakeOptions& options, const CommandContext& context) {
   if (options.everywhere && !options.views.empty())
     throw Error(ErrorKind::Usage, "--everywhere: needs no views: leave out --views");
-  if (!options.cache.file.empty()) check_writable(with_frame(options.cache.file, options.scene.load.frame));
+  if (!options.cache.file.empty())
+    check_writable(with_frame(options.cache.file, options.scene.load.frame));
   if (!context.stats_file.empty()) check_writable(context.stats_file);
   Statistics statistics;
   const Scene scene =
       statistics.timed("load", [&] { return load_scene_verbosely(options.scene, context); });
   const CacheSettings choice = options.cache.resolved(scene.cache, options.scene.load.frame);
   if (choice.file.empty())
-    throw Error(ErrorKind::Usage, printable(options.scene.file.string()) +
-                                      ": names no cache file: add -o C.irc");
+    throw Error(ErrorKind::Usage,
+                printable(options.scene.file.string()) + ": names no cache file: add -o C.irc");
   if (choice.mode != CacheMode::Read) check_writable(choice.file);
 
   const BakeSettings settings = options.accuracy.bake_settings(scene.render);
@@ -87,7 +87,8 @@ int bake_scene(const BakeOptions& options, const CommandContext& context) {
   const BakeRequest request = make_request(options, scene, context, progress);
   const World world = statistics.timed("world", [&] { return World(scene); });
   CacheSession session(choice, world, settings);
-  const bool needs_bake = statistics.timed("coverage", [&] { return session.needs_bake(world, request); });
+  const bool needs_bake =
+      statistics.timed("coverage", [&] { return session.needs_bake(world, request); });
   if (!needs_bake) {
     statistics.effects = plan_effects(world, settings.bounces, settings.volume_bounces).names();
     statistics.records = session.existing()->records().size();

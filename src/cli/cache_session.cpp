@@ -13,11 +13,16 @@ using Json = nlohmann::ordered_json;
 
 std::string state_name(CacheState state) {
   switch (state) {
-    case CacheState::Loaded: return "loaded";
-    case CacheState::Missing: return "missing";
-    case CacheState::Stale: return "stale";
-    case CacheState::Corrupt: return "corrupt";
-    case CacheState::Foreign: return "foreign";
+    case CacheState::Loaded:
+      return "loaded";
+    case CacheState::Missing:
+      return "missing";
+    case CacheState::Stale:
+      return "stale";
+    case CacheState::Corrupt:
+      return "corrupt";
+    case CacheState::Foreign:
+      return "foreign";
   }
   return "unknown";
 }
@@ -38,8 +43,8 @@ std::string settings_difference(const fs::path& file, const BakeSettings& settin
 }
 
 std::string refusal(const fs::path& file, const CacheOpening& opening, const std::string& remedy) {
-  return printable(file.string()) + ": " + state_name(opening.state) + ": " + opening.reason + ": " +
-         remedy;
+  return printable(file.string()) + ": " + state_name(opening.state) + ": " + opening.reason +
+         ": " + remedy;
 }
 
 CacheHeader make_header(const Fingerprint& fingerprint, const BakeSettings& settings,
@@ -58,7 +63,8 @@ void write_cache(const fs::path& file, const CacheHeader& header, const Irradian
   const auto records = cache.records();
   for (auto run = records.begin(); run != records.end();) {
     auto end = run;
-    while (end != records.end() && end->layer() == run->layer() && end->wave() == run->wave()) ++end;
+    while (end != records.end() && end->layer() == run->layer() && end->wave() == run->wave())
+      ++end;
     writer.seal({run, end});
     run = end;
   }
@@ -103,15 +109,15 @@ BakeSettings read_bake_settings(const std::string& json, const fs::path& file) {
 OpenedCache open_cache_of_world(const fs::path& file, const World& world) {
   const CacheOpening opening = open_cache(file, std::nullopt);
   if (opening.state != CacheState::Loaded)
-    throw Error(ErrorKind::InvalidInput,
-                refusal(file, opening, "bake it again with `brume bake`"));
+    throw Error(ErrorKind::InvalidInput, refusal(file, opening, "bake it again with `brume bake`"));
   const CacheHeader& header = opening.contents.header;
   const BakeSettings settings = read_bake_settings(header.settings, file);
   if (bake_fingerprint(world, settings) != header.fingerprint)
-    throw Error(ErrorKind::InvalidInput,
-                printable(file.string()) +
-                    ": stale: geometry, materials, lights or media are not those it was baked from: "
-                    "name its own scene, or bake it again");
+    throw Error(
+        ErrorKind::InvalidInput,
+        printable(file.string()) +
+            ": stale: geometry, materials, lights or media are not those it was baked from: "
+            "name its own scene, or bake it again");
   return {header, settings, IrradianceCache(opening.contents.records, header.origin)};
 }
 
@@ -140,8 +146,9 @@ CacheSession::CacheSession(const CacheSettings& choice, const World& world,
                       "replace it");
     case CacheState::Corrupt:
     case CacheState::Foreign:
-      throw Error(ErrorKind::InvalidInput,
-                  refusal(file_, opening, "name another file, or use --cache-mode new to replace it"));
+      throw Error(
+          ErrorKind::InvalidInput,
+          refusal(file_, opening, "name another file, or use --cache-mode new to replace it"));
   }
 }
 

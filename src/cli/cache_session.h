@@ -19,11 +19,12 @@ struct OpenedCache {
   IrradianceCache cache;
 };
 
-// Settings as BakeSettings::to_json() wrote them. Throws Error(InvalidInput) naming `file` for others.
+// Settings as BakeSettings::to_json() wrote them. Throws Error(InvalidInput) naming `file` for
+// others.
 BakeSettings read_bake_settings(const std::string& json, const std::filesystem::path& file);
 
-// For readers (verify, probe): whatever its settings, it must have been baked from this world. Throws
-// Error(InvalidInput) with the reason.
+// For readers (verify, probe): whatever its settings, it must have been baked from this world.
+// Throws Error(InvalidInput) with the reason.
 OpenedCache open_cache_of_world(const std::filesystem::path& file, const World& world);
 
 class CacheSession {

@@ -25,11 +25,11 @@ struct CommandContext {
   std::ostream& err;
   std::vector<std::string> arguments;  // As given, for metadata.
 
-  int verbosity = 0;  // -q is -1; -v, -vv.
-  int threads = 0;    // -t; 0: resolved by core/parallel.h.
+  int verbosity = 0;              // -q is -1; -v, -vv.
+  int threads = 0;                // -t; 0: resolved by core/parallel.h.
   std::function<int()> action{};  // Set by the verb that was parsed; returns the exit code.
 
-  bool json = false;                 // --json: the result is one JSON object on `out`.
+  bool json = false;                   // --json: the result is one JSON object on `out`.
   std::filesystem::path stats_file{};  // --stats; empty: none.
   ProgressStyle progress = ProgressStyle::Auto;
   bool err_is_terminal = false;

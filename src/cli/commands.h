@@ -1,5 +1,5 @@
-// The verbs that this folder's own files implement. Each adds its subcommand, whose action lands in the
-// context when it is the one parsed.
+// The verbs that this folder's own files implement. Each adds its subcommand, whose action lands in
+// the context when it is the one parsed.
 #pragma once
 
 #include <CLI/CLI.hpp>

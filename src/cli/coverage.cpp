@@ -29,7 +29,8 @@ Coverage of_view(const World& world, const BakeSettings& settings, const Irradia
       const double side = hit.normal.dot(ray.direction) < 0 ? 1 : -1;
       const double footprint = kFootprintPixels * rays.pixel_angle() * hit.t;
       ++asked;
-      if (!is_covered(world, settings, cache, hit, hit.shading_normal * side, footprint)) ++uncovered;
+      if (!is_covered(world, settings, cache, hit, hit.shading_normal * side, footprint))
+        ++uncovered;
     }
   });
   return {asked, uncovered};

@@ -1,5 +1,5 @@
-// Settings from the environment: --step-voxels is BRUME_STEP_VOXELS. A flag wins over its variable, a
-// variable over the scene file.
+// Settings from the environment: --step-voxels is BRUME_STEP_VOXELS. A flag wins over its variable,
+// a variable over the scene file.
 #pragma once
 
 #include <CLI/CLI.hpp>

@@ -87,9 +87,11 @@ std::string shown_vector(const Vec3d& v) {
   return shown_number(v.x) + "," + shown_number(v.y) + "," + shown_number(v.z);
 }
 
-void print_records(std::ostream& out, const PixelStory& story, const Hit& hit, const Answer& answer) {
-  out << "\nirradiance from " << answer.records.size() << " records: " << shown_number(answer.irradiance.r)
-      << ' ' << shown_number(answer.irradiance.g) << ' ' << shown_number(answer.irradiance.b) << '\n';
+void print_records(std::ostream& out, const PixelStory& story, const Hit& hit,
+                   const Answer& answer) {
+  out << "\nirradiance from " << answer.records.size()
+      << " records: " << shown_number(answer.irradiance.r) << ' '
+      << shown_number(answer.irradiance.g) << ' ' << shown_number(answer.irradiance.b) << '\n';
   if (answer.records.empty()) return;
   std::vector<std::vector<std::string>> rows{
       {"share", "weight", "distance", "radius", "R", "G", "B", "layer", "wave", "position"}};
@@ -133,9 +135,9 @@ void explain_pixel(const CommandContext& context, const PixelStory& story) {
     return;
   }
   out << "\nits centre sees '" << printable(story.world.tracer().meshes()[hit.mesh].name)
-      << "', triangle " << hit.triangle << ", material '" << printable(story.world.material(hit).name)
-      << "'\n  at " << shown_vector(hit.position) << ", normal " << shown_vector(hit.normal)
-      << ", distance " << shown_number(hit.t) << '\n';
+      << "', triangle " << hit.triangle << ", material '"
+      << printable(story.world.material(hit).name) << "'\n  at " << shown_vector(hit.position)
+      << ", normal " << shown_vector(hit.normal) << ", distance " << shown_number(hit.t) << '\n';
   if (story.cache) print_records(out, story, hit, answer);
 }
 

@@ -5,8 +5,8 @@
 #include "cli/command.h"
 #include "cli/statistics.h"
 #include "cli/values.h"
-#include "scene/camera_rays.h"
 #include "render/film.h"
+#include "scene/camera_rays.h"
 
 namespace brume {
 

@@ -35,7 +35,8 @@ void add_size_options(CLI::App& app, CommandContext& context, SizeOptions& optio
       ->group("Frame");
 }
 
-CacheSettings CacheOptions::resolved(const CacheSettings& scene, const std::optional<int>& frame) const {
+CacheSettings CacheOptions::resolved(const CacheSettings& scene,
+                                     const std::optional<int>& frame) const {
   CacheSettings result = scene;
   if (!file.empty()) result.file = file;
   if (mode) result.mode = *mode;
@@ -44,15 +45,16 @@ CacheSettings CacheOptions::resolved(const CacheSettings& scene, const std::opti
 }
 
 void add_cache_mode_option(CLI::App& app, CommandContext& context, CacheOptions& options) {
-  with_environment(context, app,
-                   add_choice<CacheMode>(app, "--cache-mode",
-                                         {{"new", CacheMode::New},
-                                          {"append", CacheMode::Append},
-                                          {"missing", CacheMode::Missing},
-                                          {"read", CacheMode::Read}},
-                                         options.mode,
-                                         "new: replace; append: keep, and add what these views need; "
-                                         "missing (default): fill what is not there; read: never bake"))
+  with_environment(
+      context, app,
+      add_choice<CacheMode>(app, "--cache-mode",
+                            {{"new", CacheMode::New},
+                             {"append", CacheMode::Append},
+                             {"missing", CacheMode::Missing},
+                             {"read", CacheMode::Read}},
+                            options.mode,
+                            "new: replace; append: keep, and add what these views need; "
+                            "missing (default): fill what is not there; read: never bake"))
       ->group("Cache");
 }
 

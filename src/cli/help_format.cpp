@@ -59,8 +59,9 @@ class HelpFormat : public CLI::Formatter {
   std::string make_footer(const CLI::App* app) const override {
     std::string footer = app->get_footer();
     if (app->get_parent() != nullptr)
-      footer += std::string(footer.empty() ? "" : "\n\n") +
-                "Any verb also takes -t, -q, -v, --progress, --json and --stats: see `brume --help`.";
+      footer +=
+          std::string(footer.empty() ? "" : "\n\n") +
+          "Any verb also takes -t, -q, -v, --progress, --json and --stats: see `brume --help`.";
     return footer + '\n';
   }
 };

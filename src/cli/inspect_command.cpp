@@ -23,7 +23,8 @@ struct InspectOptions {
 };
 
 // "A:B": records [A, B).
-std::pair<std::size_t, std::size_t> parse_records(const std::string& option, const std::string& text) {
+std::pair<std::size_t, std::size_t> parse_records(const std::string& option,
+                                                  const std::string& text) {
   const std::size_t colon = text.find(':');
   if (colon == std::string::npos) refuse_value(option, text, "a range, like 0:10");
   const std::uint64_t begin = parse_unsigned(option, text.substr(0, colon));

@@ -51,24 +51,27 @@ std::string shown_bad_voxels(const GridInfo& grid) {
 
 void print_grid(std::ostream& out, const GridInfo& grid) {
   const auto row = [&](const char* name, const std::string& value) {
-    out << "  " << std::string(name) + std::string(16 - std::string(name).size(), ' ') << value << '\n';
+    out << "  " << std::string(name) + std::string(16 - std::string(name).size(), ' ') << value
+        << '\n';
   };
   out << printable(grid.name) << '\n';
-  row("used as", grid.role ? grid_role_name(*grid.role) : "nothing (name it in the scene to use it)");
+  row("used as",
+      grid.role ? grid_role_name(*grid.role) : "nothing (name it in the scene to use it)");
   row("type", grid.type + (grid.saved_as_half ? ", saved as half" : "") + ", " + grid.grid_class);
   row("transform", printable(grid.transform));
   row("voxel size", shown_vector(grid.voxel_size));
-  row("active", std::to_string(grid.active_voxels) + " voxels, " + std::to_string(grid.active_tiles) +
-                    " tiles");
+  row("active", std::to_string(grid.active_voxels) + " voxels, " +
+                    std::to_string(grid.active_tiles) + " tiles");
   if (!grid.world_bounds.isEmpty())
-    row("bounds", shown_vector(grid.world_bounds.min) + "  to  " + shown_vector(grid.world_bounds.max));
+    row("bounds",
+        shown_vector(grid.world_bounds.min) + "  to  " + shown_vector(grid.world_bounds.max));
   row("values", shown_number(grid.min) + " to " + shown_number(grid.max) + ", mean " +
                     shown_number(grid.mean) + ", background " + shown_number(grid.background));
   row("bad voxels", shown_bad_voxels(grid));
   row("compression", grid.compression);
   if (grid.proposed_density_scale > 0)
-    row("density_scale", shown_number(grid.proposed_density_scale) +
-                             " gives an optical depth of about 3 across");
+    row("density_scale",
+        shown_number(grid.proposed_density_scale) + " gives an optical depth of about 3 across");
 }
 
 }  // namespace

@@ -7,8 +7,8 @@
 
 namespace brume {
 
-// Nothing where none is within a third of the name's length (at least 2) of edits, a swap of neighbours
-// being one. The first of equals wins.
+// Nothing where none is within a third of the name's length (at least 2) of edits, a swap of
+// neighbours being one. The first of equals wins.
 std::optional<std::string> nearest_name(const std::string& name,
                                         const std::vector<std::string>& known);
 

@@ -54,7 +54,8 @@ fs::path with_frame(const fs::path& file, const std::optional<int>& frame) {
   const std::size_t begin = name.rfind("####");
   if (begin == std::string::npos) return file;
   if (!frame)
-    throw Error(ErrorKind::Usage, printable(name) + ": has #### but no frame was given: add --frame N");
+    throw Error(ErrorKind::Usage,
+                printable(name) + ": has #### but no frame was given: add --frame N");
   std::size_t first = begin;
   while (first > 0 && name[first - 1] == '#') --first;
   const std::size_t width = begin + 4 - first;

@@ -1,6 +1,7 @@
 // brume probe: irradiance and its gradients at one point, term by term.
 //
-// Gradients are shown per metre, whatever the scene's unit; positions and radii in scene units (SPEC).
+// Gradients are shown per metre, whatever the scene's unit; positions and radii in scene units
+// (SPEC).
 #include <array>
 #include <cmath>
 
@@ -62,8 +63,8 @@ double surface_offset(const World& world, const Vec3d& position, const Vec3d& no
   return hit.is_hit() ? hit.offset : 0;
 }
 
-// In free space by central differences. On a surface there is no light behind it to compare with, so
-// along the normal a one-sided difference of second order stands in.
+// In free space by central differences. On a surface there is no light behind it to compare with,
+// so along the normal a one-sided difference of second order stands in.
 RgbGradient difference_quotient(Gatherer& gatherer, const GatherPoint& at, const HitLight& below,
                                 double h, Counters& counters) {
   const auto irradiance = [&](const Vec3d& shift) {
@@ -214,8 +215,8 @@ void print_answers(const CommandContext& context, const Answers& a, const Gather
                     colour("  from the medium", a.gather.irradiance_media),
                     colour("direct light", a.direct)});
   out << "standard error of luminance " << shown_number(a.gather.error) << "; radius "
-      << shown_number(a.radius) << "; " << gather.cells_theta << 'x' << gather.cells_phi << " cells, "
-      << a.gather.shells << " shells\n\n";
+      << shown_number(a.radius) << "; " << gather.cells_theta << 'x' << gather.cells_phi
+      << " cells, " << a.gather.shells << " shells\n\n";
   const GradientTerms& terms = terms_of(a, gather.gradient);
   std::vector<std::vector<std::string>> rows{{"W/m^3", "", "d/dx", "d/dy", "d/dz"}};
   add_gradient_rows(rows, std::string("gradient, ") + gradient_mode_name(gather.gradient),
@@ -246,8 +247,8 @@ int probe(const ProbeOptions& options, const CommandContext& context) {
       statistics.timed("load", [&] { return load_scene_verbosely(options.scene, context); });
   const World world = statistics.timed("world", [&] { return World(scene); });
 
-  // --cells, --shells and --gradient speak of the probed point; deeper light is what a bake of this scene
-  // would have, or what the cache file holds.
+  // --cells, --shells and --gradient speak of the probed point; deeper light is what a bake of this
+  // scene would have, or what the cache file holds.
   AccuracyOptions deeper_accuracy = options.accuracy;
   deeper_accuracy.cells.reset();
   deeper_accuracy.shells.reset();
@@ -307,12 +308,14 @@ void add_probe_command(CLI::App& app, CommandContext& context) {
       [](const std::string& option, const std::string& text) {
         return std::optional<double>(parse_number(option, text, 1e-12, 1e12));
       },
-      "Also the gradient by differences over steps of H (scene units) from the same random numbers, "
+      "Also the gradient by differences over steps of H (scene units) from the same random "
+      "numbers, "
       "central but along the normal of a surface, and its noise over seeds")
       ->group("Point");
-  add_path(*verb, "--cache", options->cache_file, "C.irc",
-           "Further bounces come from this cache of the scene, with its settings (default: they are "
-           "baked)")
+  add_path(
+      *verb, "--cache", options->cache_file, "C.irc",
+      "Further bounces come from this cache of the scene, with its settings (default: they are "
+      "baked)")
       ->group("Cache");
   add_accuracy_options(*verb, context, options->accuracy);
   verb->footer(R"(--cells, --shells and --gradient are those of the probed point.

@@ -7,8 +7,8 @@ namespace brume {
 namespace {
 
 constexpr int kBarWidth = 30;
-// A terminal repaints often enough to look alive; a log wants a line each ten percent, and where nobody
-// asked for one, none of runs that are over in a moment.
+// A terminal repaints often enough to look alive; a log wants a line each ten percent, and where
+// nobody asked for one, none of runs that are over in a moment.
 constexpr std::chrono::milliseconds kRepaint(100), kUnaskedLine(5000);
 constexpr int kPlainStep = 10;
 
@@ -62,8 +62,8 @@ void Progress::show(bool last) {
   const auto now = std::chrono::steady_clock::now();
   if (style_ == ProgressStyle::Plain) {
     const int step = percent - percent % kPlainStep;
-    const bool is_due = is_asked_for_ || now - shown_at_ >= kUnaskedLine ||
-                        (last && shown_percent_ >= 0);
+    const bool is_due =
+        is_asked_for_ || now - shown_at_ >= kUnaskedLine || (last && shown_percent_ >= 0);
     if (step > shown_percent_ && is_due) {
       shown_at_ = now;
       stream_ << stage_ << ": " << step << " %\n" << std::flush;

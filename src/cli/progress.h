@@ -1,6 +1,7 @@
 // How far a run has come, on standard error: a bar on a terminal, lines in a log.
 //
-// The fraction of a stage never falls, is never NaN, and reaches 100 % before the next stage begins.
+// The fraction of a stage never falls, is never NaN, and reaches 100 % before the next stage
+// begins.
 #pragma once
 
 #include <chrono>

@@ -41,8 +41,8 @@ Plan make_plan(const RenderOptions& options) {
   if (!options.output.empty()) plan.images = {{options.output, options.aovs}};
   if (options.pixel) plan.images.clear();
   if (plan.images.empty() && !options.pixel)
-    throw Error(ErrorKind::Usage, printable(options.scene.file.string()) +
-                                      ": names no outputs: add -o OUT.exr");
+    throw Error(ErrorKind::Usage,
+                printable(options.scene.file.string()) + ": names no outputs: add -o OUT.exr");
   for (OutputSettings& image : plan.images) {
     image.file = with_frame(image.file, frame);
     if (!options.aovs.empty()) image.aovs = options.aovs;
@@ -54,10 +54,12 @@ Plan make_plan(const RenderOptions& options) {
 bool check_plan(const Plan& plan, const RenderOptions& options, const CommandContext& context) {
   std::vector<fs::path> files;
   for (const OutputSettings& image : plan.images) files.push_back(image.file);
-  if (!options.preview.empty()) files.push_back(with_frame(options.preview, options.scene.load.frame));
+  if (!options.preview.empty())
+    files.push_back(with_frame(options.preview, options.scene.load.frame));
   if (!outputs_are_wanted(files, options.existing.value_or(ExistingPolicy::Overwrite), context))
     return false;
-  if (!plan.cache.file.empty() && plan.cache.mode != CacheMode::Read) check_writable(plan.cache.file);
+  if (!plan.cache.file.empty() && plan.cache.mode != CacheMode::Read)
+    check_writable(plan.cache.file);
   if (!context.stats_file.empty()) check_writable(context.stats_file);
   // Unknown layers show now, not after hours.
   const PixelFilm probe(1, 1);
@@ -181,8 +183,8 @@ int RenderRun::render_with_records(const World& world, const CameraRays& rays) {
   if (result.is_stopped) return end_stopped_run(context_, SignalWatch::signal(), session.file());
   if (options_.pixel)
     explain_pixel(context_, {*options_.pixel, size_, samples_,
-                             film_->at(options_.pixel->x, options_.pixel->y), world, rays, cache_.get(),
-                             &settings});
+                             film_->at(options_.pixel->x, options_.pixel->y), world, rays,
+                             cache_.get(), &settings});
   return 0;
 }
 
@@ -243,7 +245,8 @@ void RenderRun::write_images(const World& world, const CameraRays& rays) {
       const auto stops = options_.exposure.value_or(std::nullopt);
       preview.automatic_exposure = !stops.has_value();
       preview.exposure = stops.value_or(0);
-      write_preview(with_frame(options_.preview, options_.scene.load.frame), developed.image, preview);
+      write_preview(with_frame(options_.preview, options_.scene.load.frame), developed.image,
+                    preview);
     }
     is_first = false;
   }
@@ -263,8 +266,8 @@ void RenderRun::summarise() const {
     std::snprintf(text, sizeof text, " %.2f s", seconds);
     stages += (stages.empty() ? "" : ", ") + stage + text;
   }
-  context_.note(printable(plan_.images.front().file.string()) + ": " + std::to_string(size_.x) + "x" +
-                std::to_string(size_.y) + ", " + std::to_string(samples_) + " samples, " +
+  context_.note(printable(plan_.images.front().file.string()) + ": " + std::to_string(size_.x) +
+                "x" + std::to_string(size_.y) + ", " + std::to_string(samples_) + " samples, " +
                 std::to_string(statistics_.records) + " records; " + stages);
   if (statistics_.counters.fallback_gathers > 0 && !options_.gather_everywhere)
     context_.note(std::to_string(statistics_.counters.fallback_gathers) +

@@ -10,7 +10,8 @@ namespace {
 std::string joined(const std::vector<std::string>& parts, const std::string& separator) {
   if (parts.empty()) return "none";
   std::string text;
-  for (const std::string& part : parts) text += (text.empty() ? "" : separator) + printable(part, 4096);
+  for (const std::string& part : parts)
+    text += (text.empty() ? "" : separator) + printable(part, 4096);
   return text;
 }
 
@@ -19,8 +20,9 @@ std::string command_line(const std::vector<std::string>& arguments) {
   std::string line = "brume";
   for (const std::string& argument : arguments) {
     const bool is_plain =
-        !argument.empty() && argument.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
-                                                        "0123456789_-+=/.,:@%#") == std::string::npos;
+        !argument.empty() && argument.find_first_not_of(
+                                 "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
+                                 "0123456789_-+=/.,:@%#") == std::string::npos;
     if (is_plain) {
       line += ' ' + argument;
       continue;
@@ -49,7 +51,8 @@ ImageMetadata render_metadata(const RenderProvenance& p) {
   data["brume:nanPixels"] = integer(p.bad_pixels);
   if (p.is_reproducible) return data;
   data["command"] = command_line(p.arguments);
-  for (const auto& [stage, seconds] : p.statistics.seconds) data["brume:seconds:" + stage] = seconds;
+  for (const auto& [stage, seconds] : p.statistics.seconds)
+    data["brume:seconds:" + stage] = seconds;
   data["brume:peakBytes"] = integer(peak_memory_bytes());
   return data;
 }

@@ -23,14 +23,16 @@ void add_frame_options(CLI::App& app, CommandContext& context, RenderOptions& op
       [](const std::string& option, const std::string& text) {
         return std::optional<CropRegion>(parse_crop(option, text));
       },
-      "Renders this part, the rest stays black: pixels where all are whole numbers, fractions of the "
+      "Renders this part, the rest stays black: pixels where all are whole numbers, fractions of "
+      "the "
       "frame where one has a decimal point"));
   frame(add_parsed(
       app, "--pixel", "X,Y", options.pixel,
       [](const std::string& option, const std::string& text) {
         return std::optional<Size2>(parse_pixel(option, text));
       },
-      "Explains one pixel instead of writing an image: layers, what is seen, which records answer"));
+      "Explains one pixel instead of writing an image: layers, what is seen, which records "
+      "answer"));
 }
 
 void add_integrator_options(CLI::App& app, CommandContext& context, RenderOptions& options) {
@@ -42,10 +44,9 @@ void add_integrator_options(CLI::App& app, CommandContext& context, RenderOption
                                  options.integrator,
                                  "cached: irradiance from records (default); path: unbiased path "
                                  "tracing"));
-  setting(add_choice<Transport>(app, "--transport",
-                                {{"full", Transport::Full}, {"cached", Transport::Cached}},
-                                options.transport,
-                                "With path: every path (default), or those the cached integrator has"));
+  setting(add_choice<Transport>(
+      app, "--transport", {{"full", Transport::Full}, {"cached", Transport::Cached}},
+      options.transport, "With path: every path (default), or those the cached integrator has"));
   setting(add_integer(app, "--spp", options.samples, 1, 1 << 20,
                       "Samples a pixel (default: cached 16, path 64)"));
   setting(add_number(app, "--noise", options.noise, 1e-6, 10,
@@ -67,8 +68,10 @@ void add_output_options(CLI::App& app, CommandContext& context, RenderOptions& o
   output(add_parsed(
       app, "--aovs", "A,B,...", options.aovs,
       [](const std::string&, const std::string& text) { return parse_list(text); },
-      "Layers to keep beside beauty (default all): diffuse_direct, diffuse_indirect, glossy_direct, "
-      "glossy_indirect, volume_direct, volume_indirect, volume_emission, emission, background, Z, N, "
+      "Layers to keep beside beauty (default all): diffuse_direct, diffuse_indirect, "
+      "glossy_direct, "
+      "glossy_indirect, volume_direct, volume_indirect, volume_emission, emission, background, Z, "
+      "N, "
       "P, albedo, transmittance, cache_count, cost"));
   output(add_path(app, "--preview", options.preview, "OUT.png", "Also writes a tone-mapped PNG"));
   output(add_parsed(
@@ -129,9 +132,9 @@ bool RenderOptions::is_reproducible() const {
 void RenderOptions::check_size(const Size2& frame_size) const {
   const std::uint64_t limit = max_pixels.value_or(kMaxPixels);
   if (std::uint64_t(frame_size.x) * std::uint64_t(frame_size.y) > limit)
-    throw Error(ErrorKind::InvalidInput, "--max-image-pixels: " + std::to_string(frame_size.x) + "x" +
-                                             std::to_string(frame_size.y) + " has more than " +
-                                             std::to_string(limit) +
+    throw Error(ErrorKind::InvalidInput, "--max-image-pixels: " + std::to_string(frame_size.x) +
+                                             "x" + std::to_string(frame_size.y) +
+                                             " has more than " + std::to_string(limit) +
                                              " pixels: choose a smaller --res or raise the limit");
 }
 
@@ -150,12 +153,14 @@ void add_render_options(CLI::App& app, CommandContext& context, RenderOptions& o
 void check_combinations(const RenderOptions& options) {
   if (options.is_path()) {
     if (!options.cache.file.empty())
-      contradiction("--cache: path tracing reads no cache: leave it out, or use --integrator cached");
+      contradiction(
+          "--cache: path tracing reads no cache: leave it out, or use --integrator cached");
     if (options.gather_everywhere)
       contradiction("--gather-everywhere: path tracing gathers nothing: use --integrator cached");
   } else {
     if (options.transport)
-      contradiction("--transport: chooses the paths of --integrator path: add that, or leave it out");
+      contradiction(
+          "--transport: chooses the paths of --integrator path: add that, or leave it out");
     if (options.noise)
       contradiction("--noise: stops --integrator path: add that, or use --spp and --error");
   }
@@ -187,8 +192,8 @@ CropIntervals crop_of(const RenderOptions& options, const Size2& size) {
   }
   if (crop.x1 > size.x || crop.y1 > size.y)
     throw Error(ErrorKind::Usage, std::string(options.pixel ? "--pixel" : "--crop") +
-                                      ": leaves the image, which is " + std::to_string(size.x) + "x" +
-                                      std::to_string(size.y));
+                                      ": leaves the image, which is " + std::to_string(size.x) +
+                                      "x" + std::to_string(size.y));
   CropIntervals result;
   // Well inside the outermost pixels, so that no rounding takes in a neighbour.
   constexpr double kInset = 0.25;

@@ -60,13 +60,13 @@ std::string unknown_argument(const CLI::App& app, const std::string& argument) {
   const CLI::App& verb = parsed_verb(app);
   if (argument.size() > 1 && argument[0] == '-') {
     const std::string flag = argument.substr(0, argument.find('='));
-    return "unknown option '" + printable(flag) + "'" + hint_for(flag, flag_names(verb)) + ": see `" +
-           full_name(verb) + " --help`";
+    return "unknown option '" + printable(flag) + "'" + hint_for(flag, flag_names(verb)) +
+           ": see `" + full_name(verb) + " --help`";
   }
   const auto inner = verb_names(verb);
   if (!inner.empty())
-    return "unknown verb '" + printable(argument) + "'" + hint_for(argument, inner) + ": choose from " +
-           shown_list(inner);
+    return "unknown verb '" + printable(argument) + "'" + hint_for(argument, inner) +
+           ": choose from " + shown_list(inner);
   return "unexpected argument '" + printable(argument) + "': see `" + full_name(verb) + " --help`";
 }
 
@@ -106,8 +106,8 @@ void add_help_command(CLI::App& app, CommandContext& context) {
           return 0;
         }
       throw Error(ErrorKind::Usage, "unknown verb '" + printable(options->verb) + "'" +
-                                        hint_for(options->verb, verb_names(app)) + ": choose from " +
-                                        shown_list(verb_names(app)));
+                                        hint_for(options->verb, verb_names(app)) +
+                                        ": choose from " + shown_list(verb_names(app)));
     };
   });
 }
@@ -124,7 +124,8 @@ void add_global_options(CLI::App& app, CommandContext& context) {
   app.add_flag_callback(
       "-q,--quiet", [&context] { context.verbosity = -1; }, "Only errors on standard error");
   app.add_flag_function(
-      "-v,--verbose", [&context](std::int64_t times) { context.verbosity = static_cast<int>(times); },
+      "-v,--verbose",
+      [&context](std::int64_t times) { context.verbosity = static_cast<int>(times); },
       "Says more; -vv more yet");
   with_environment(
       context, app,
@@ -159,7 +160,8 @@ void build(CLI::App& app, CommandContext& context) {
   add_scene_commands(app, context);
   add_help_command(app, context);
   for (CLI::App* verb : app.get_subcommands([](CLI::App*) { return true; })) verb->group("Verbs");
-  app.footer(R"(A setting comes from its flag, else from the environment (--step-voxels is BRUME_STEP_VOXELS), else
+  app.footer(
+      R"(A setting comes from its flag, else from the environment (--step-voxels is BRUME_STEP_VOXELS), else
 from the scene file. Results go to standard output, everything else to standard error. NO_COLOR is
 respected.
 

@@ -35,17 +35,21 @@ void add_grid_options(CLI::App& app, CommandContext& context, SceneOptions& opti
   const auto setting = [&](CLI::Option* option) {
     with_environment(context, app, option)->group(kLoading);
   };
-  setting(add_choice<BadVoxelPolicy>(app, "--on-bad-voxels",
-                                     {{"zero", BadVoxelPolicy::Zero},
-                                      {"clamp", BadVoxelPolicy::Clamp},
-                                      {"error", BadVoxelPolicy::Error}},
-                                     options.on_bad_voxels,
-                                     "NaN, infinite and negative voxels: replace by zero (default), "
-                                     "clamp to the nearest valid value, or refuse the file"));
+  setting(
+      add_choice<BadVoxelPolicy>(app, "--on-bad-voxels",
+                                 {{"zero", BadVoxelPolicy::Zero},
+                                  {"clamp", BadVoxelPolicy::Clamp},
+                                  {"error", BadVoxelPolicy::Error}},
+                                 options.on_bad_voxels,
+                                 "NaN, infinite and negative voxels: replace by zero (default), "
+                                 "clamp to the nearest valid value, or refuse the file"));
   setting(add_choice<BackgroundPolicy>(
       app, "--background",
-      {{"error", BackgroundPolicy::Error}, {"zero", BackgroundPolicy::Zero}, {"keep", BackgroundPolicy::Keep}},
-      options.background, "A grid whose background is not 0: refuse (default), take as 0, or keep"));
+      {{"error", BackgroundPolicy::Error},
+       {"zero", BackgroundPolicy::Zero},
+       {"keep", BackgroundPolicy::Keep}},
+      options.background,
+      "A grid whose background is not 0: refuse (default), take as 0, or keep"));
   const auto bytes = [](const std::string& option, const std::string& text) {
     return std::optional<std::uint64_t>(parse_bytes(option, text));
   };
@@ -73,7 +77,8 @@ void add_scene_options(CLI::App& app, CommandContext& context, SceneOptions& opt
   add_parsed(
       app, "--frame", "N", options.load.frame,
       [](const std::string& option, const std::string& text) {
-        return std::optional<int>(static_cast<int>(parse_integer(option, text, -1'000'000, 100'000'000)));
+        return std::optional<int>(
+            static_cast<int>(parse_integer(option, text, -1'000'000, 100'000'000)));
       },
       "Frame number for #### in file names")
       ->group(kLoading);
@@ -101,8 +106,9 @@ Scene load_scene_verbosely(const SceneOptions& options, const CommandContext& co
   Scene scene;
   if (names_a_grid_file(options.file)) {
     if (!load.overrides.empty())
-      throw Error(ErrorKind::Usage, "-D: " + printable(options.file.string()) +
-                                        ": a .vdb file has no scene values to override: write a scene file");
+      throw Error(ErrorKind::Usage,
+                  "-D: " + printable(options.file.string()) +
+                      ": a .vdb file has no scene values to override: write a scene file");
     VdbScene made = make_vdb_scene(options.file, load);
     for (const std::string& note : made.notes) context.note(note);
     scene = std::move(made.scene);
@@ -116,10 +122,14 @@ Scene load_scene_verbosely(const SceneOptions& options, const CommandContext& co
 
 PresetValues preset_values(Preset preset) {
   switch (preset) {
-    case Preset::Draft: return {8, 25, 0.5, 0.005, 0.15, LightDepth::Volumes, 4, 16};
-    case Preset::Normal: break;
-    case Preset::High: return {24, 75, 0.15, 0.001, 0.05, LightDepth::Volumes, 64, 64};
-    case Preset::Reference: return {48, 151, 0.08, 0.0005, 0.03, LightDepth::Exact, 256, 128};
+    case Preset::Draft:
+      return {8, 25, 0.5, 0.005, 0.15, LightDepth::Volumes, 4, 16};
+    case Preset::Normal:
+      break;
+    case Preset::High:
+      return {24, 75, 0.15, 0.001, 0.05, LightDepth::Volumes, 64, 64};
+    case Preset::Reference:
+      return {48, 151, 0.08, 0.0005, 0.03, LightDepth::Exact, 256, 128};
   }
   return {16, 50, 0.25, 0.002, 0.08, LightDepth::Volumes, 16, 32};
 }
@@ -159,8 +169,9 @@ BakeSettings AccuracyOptions::bake_settings(const BakeSettings& base) const {
   set_if(s.max_radius, max_radius);
   set_if(s.light_depth, light_depth);
   if (s.min_radius > s.max_radius)
-    throw Error(ErrorKind::Usage,
-                "--min-radius, --max-radius: the smallest radius exceeds the largest: exchange them");
+    throw Error(
+        ErrorKind::Usage,
+        "--min-radius, --max-radius: the smallest radius exceeds the largest: exchange them");
   return s;
 }
 
@@ -168,14 +179,15 @@ void add_accuracy_options(CLI::App& app, CommandContext& context, AccuracyOption
   const auto setting = [&](CLI::Option* option) {
     with_environment(context, app, option)->group(kAccuracy);
   };
-  setting(add_choice<Preset>(app, "--preset",
-                             {{"draft", Preset::Draft},
-                              {"normal", Preset::Normal},
-                              {"high", Preset::High},
-                              {"reference", Preset::Reference}},
-                             options.preset,
-                             "Sets cells, error, radii, light depth, samples and eye shells together; "
-                             "options given by themselves win"));
+  setting(
+      add_choice<Preset>(app, "--preset",
+                         {{"draft", Preset::Draft},
+                          {"normal", Preset::Normal},
+                          {"high", Preset::High},
+                          {"reference", Preset::Reference}},
+                         options.preset,
+                         "Sets cells, error, radii, light depth, samples and eye shells together; "
+                         "options given by themselves win"));
   setting(add_parsed(
       app, "--cells", "MxN", options.cells,
       [](const std::string& option, const std::string& text) {
@@ -195,8 +207,9 @@ void add_accuracy_options(CLI::App& app, CommandContext& context, AccuracyOption
                                    options.gradient,
                                    "Gradients of irradiance: none, without the medium, without "
                                    "occlusion changes, or all terms (default full)"));
-  setting(add_integer(app, "--bounces", options.bounces, 0, kMaxBounces,
-                      "Reflections by surfaces before the one seen; 0: direct light only (default 4)"));
+  setting(
+      add_integer(app, "--bounces", options.bounces, 0, kMaxBounces,
+                  "Reflections by surfaces before the one seen; 0: direct light only (default 4)"));
   setting(add_parsed(
       app, "--volume-bounces", "N|auto", options.volume_bounces,
       [](const std::string& option, const std::string& text) {
@@ -214,10 +227,12 @@ void add_accuracy_options(CLI::App& app, CommandContext& context, AccuracyOption
   setting(add_number(app, "--error", options.error, 0.001, 10,
                      "Split-sphere accuracy: a record's radius over the mean distance of what it "
                      "sees (default 0.25)"));
-  setting(add_number(app, "--min-radius", options.min_radius, 0, 1,
-                     "Smallest radius of a record, as a part of the scene's diagonal (default 0.002)"));
-  setting(add_number(app, "--max-radius", options.max_radius, 1e-9, 10,
-                     "Largest radius of a record, as a part of the scene's diagonal (default 0.08)"));
+  setting(
+      add_number(app, "--min-radius", options.min_radius, 0, 1,
+                 "Smallest radius of a record, as a part of the scene's diagonal (default 0.002)"));
+  setting(
+      add_number(app, "--max-radius", options.max_radius, 1e-9, 10,
+                 "Largest radius of a record, as a part of the scene's diagonal (default 0.08)"));
   setting(add_choice<LightDepth>(app, "--light-depth",
                                  {{"volumes", LightDepth::Volumes}, {"exact", LightDepth::Exact}},
                                  options.light_depth,
@@ -236,7 +251,8 @@ LightingOptions lighting_options(const BakeSettings& settings, const CommandCont
 void check_cached_transport(const BakeSettings& settings, const std::string& scene_name) {
   if (settings.volume_bounces > 1)
     throw Error(ErrorKind::InvalidInput,
-                scene_name + ": /render/volume_bounces: " + std::to_string(settings.volume_bounces) +
+                scene_name +
+                    ": /render/volume_bounces: " + std::to_string(settings.volume_bounces) +
                     " scatterings in the medium cannot be cached yet: use 0, 1 or auto, or render "
                     "with --integrator path");
 }

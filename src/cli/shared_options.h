@@ -29,8 +29,8 @@ void add_scene_options(CLI::App& app, CommandContext& context, SceneOptions& opt
 // Only limits and policies of .vdb files (inspect).
 void add_grid_options(CLI::App& app, CommandContext& context, SceneOptions& options);
 
-// Loads a scene file, or makes a scene around a bare .vdb; says on `err` what was chosen, dropped and
-// replaced.
+// Loads a scene file, or makes a scene around a bare .vdb; says on `err` what was chosen, dropped
+// and replaced.
 Scene load_scene_verbosely(const SceneOptions& options, const CommandContext& context);
 
 enum class Preset { Draft, Normal, High, Reference };
@@ -54,7 +54,8 @@ struct AccuracyOptions {
   std::optional<std::uint64_t> seed;
   std::optional<LightDepth> light_depth;
 
-  // A flag or variable wins over the preset, the preset over the scene file, that over the defaults.
+  // A flag or variable wins over the preset, the preset over the scene file, that over the
+  // defaults.
   BakeSettings bake_settings(const RenderSettings& scene) const;
   // bake_settings() of a cache that is there: `base` is what it was baked with.
   BakeSettings bake_settings(const BakeSettings& base) const;

@@ -23,7 +23,8 @@ SignalWatch::SignalWatch() {
   struct sigaction action {};
   action.sa_handler = remember;
   sigemptyset(&action.sa_mask);
-  // Restarted system calls: a write in progress must not fail half way. Reset: the second signal kills.
+  // Restarted system calls: a write in progress must not fail half way. Reset: the second signal
+  // kills.
   action.sa_flags = static_cast<int>(SA_RESTART | SA_RESETHAND);
   for (std::size_t i = 0; i < kStopSignals.size(); ++i)
     sigaction(kStopSignals[i], &action, &previous[i]);

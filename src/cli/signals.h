@@ -1,10 +1,11 @@
-// Being asked to stop: INT, TERM and USR1 are remembered while work that can stop cleanly is going on.
+// Being asked to stop: INT, TERM and USR1 are remembered while work that can stop cleanly is going
+// on.
 #pragma once
 
 namespace brume {
 
-// While one lives, the first INT, TERM or USR1 is only remembered, a second one kills as ever, and HUP is
-// ignored. One at a time.
+// While one lives, the first INT, TERM or USR1 is only remembered, a second one kills as ever, and
+// HUP is ignored. One at a time.
 class SignalWatch {
  public:
   SignalWatch();

@@ -1,5 +1,5 @@
-// What a run did: seconds by stage, counters, memory. The same numbers go to --json, --stats and image
-// metadata.
+// What a run did: seconds by stage, counters, memory. The same numbers go to --json, --stats and
+// image metadata.
 #pragma once
 
 #include <chrono>

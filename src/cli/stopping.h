@@ -7,8 +7,8 @@
 
 namespace brume {
 
-// Throws Error(Stopped), exit 75, where `checkpoint` names a valid file that the same command resumes
-// from; else says so and returns 128 + signal.
+// Throws Error(Stopped), exit 75, where `checkpoint` names a valid file that the same command
+// resumes from; else says so and returns 128 + signal.
 int end_stopped_run(const CommandContext& context, int signal,
                     const std::filesystem::path& checkpoint);
 

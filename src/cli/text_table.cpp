@@ -31,6 +31,8 @@ void print_table(std::ostream& out, const std::vector<std::vector<std::string>>&
 
 Json json_of(const Vec3d& v) { return Json::array({v.x, v.y, v.z}); }
 Json json_of(const RgbD& c) { return Json::array({c.r, c.g, c.b}); }
-Json json_of(const RgbGradient& g) { return Json::array({json_of(g.r), json_of(g.g), json_of(g.b)}); }
+Json json_of(const RgbGradient& g) {
+  return Json::array({json_of(g.r), json_of(g.g), json_of(g.b)});
+}
 
 }  // namespace brume

@@ -13,7 +13,8 @@ namespace brume {
 // Six significant digits.
 std::string shown_number(double value);
 
-// Prints rows with columns aligned: the first to the left, the others to the right. Rows may be short.
+// Prints rows with columns aligned: the first to the left, the others to the right. Rows may be
+// short.
 void print_table(std::ostream& out, const std::vector<std::vector<std::string>>& rows);
 
 Json json_of(const Vec3d& v);

@@ -108,8 +108,8 @@ Size2 parse_pixel(const std::string& option, const std::string& text) {
 CropRegion parse_crop(const std::string& option, const std::string& text) {
   const auto n = finite_numbers(text, 4);
   const bool is_pixels = text.find_first_of(".eE") == std::string::npos;
-  const bool in_range = n && (*n)[0] >= 0 && (*n)[1] >= 0 && (*n)[0] < (*n)[2] && (*n)[1] < (*n)[3] &&
-                        (is_pixels || ((*n)[2] <= 1 && (*n)[3] <= 1));
+  const bool in_range = n && (*n)[0] >= 0 && (*n)[1] >= 0 && (*n)[0] < (*n)[2] &&
+                        (*n)[1] < (*n)[3] && (is_pixels || ((*n)[2] <= 1 && (*n)[3] <= 1));
   if (!in_range)
     refuse_value(option, text,
                  "x0,y0,x1,y1 with x0 < x1 and y0 < y1: pixels, like 0,0,64,32, or fractions, like "
@@ -149,8 +149,8 @@ CLI::Option* add_number(CLI::App& app, const std::string& names, std::optional<d
       description);
 }
 
-CLI::Option* add_integer(CLI::App& app, const std::string& names, std::optional<int>& target, int min,
-                         int max, const std::string& description) {
+CLI::Option* add_integer(CLI::App& app, const std::string& names, std::optional<int>& target,
+                         int min, int max, const std::string& description) {
   return add_parsed(
       app, names, "N", target,
       [min, max](const std::string& option, const std::string& text) {

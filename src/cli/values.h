@@ -1,7 +1,7 @@
 // Values of options as text: parsed strictly, refused with what was expected.
 //
-// Each throws CLI::ValidationError naming the option, so that a value from the command line and one from
-// the environment are refused alike.
+// Each throws CLI::ValidationError naming the option, so that a value from the command line and one
+// from the environment are refused alike.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -55,14 +55,17 @@ T parse_choice(const std::string& option, const std::string& text,
   refuse_value(option, text, "one of " + names);
 }
 
-// Adds an option whose text goes through `parse(option, text)` into `target`; given twice, the last wins.
+// Adds an option whose text goes through `parse(option, text)` into `target`; given twice, the last
+// wins.
 template <typename Target, typename Parse>
 CLI::Option* add_parsed(CLI::App& app, const std::string& names, const std::string& type_name,
                         Target& target, Parse parse, const std::string& description) {
-  const std::string option = names.substr(names.rfind(',') == std::string::npos ? 0 : names.rfind(',') + 1);
+  const std::string option =
+      names.substr(names.rfind(',') == std::string::npos ? 0 : names.rfind(',') + 1);
   return app
       .add_option_function<std::string>(
-          names, [&target, parse, option](const std::string& text) { target = parse(option, text); },
+          names,
+          [&target, parse, option](const std::string& text) { target = parse(option, text); },
           description)
       ->type_name(type_name)
       ->take_last();
@@ -84,8 +87,8 @@ CLI::Option* add_choice(CLI::App& app, const std::string& names,
 
 CLI::Option* add_number(CLI::App& app, const std::string& names, std::optional<double>& target,
                         double min, double max, const std::string& description);
-CLI::Option* add_integer(CLI::App& app, const std::string& names, std::optional<int>& target, int min,
-                         int max, const std::string& description);
+CLI::Option* add_integer(CLI::App& app, const std::string& names, std::optional<int>& target,
+                         int min, int max, const std::string& description);
 CLI::Option* add_path(CLI::App& app, const std::string& names, std::filesystem::path& target,
                       const std::string& type_name, const std::string& description);
 

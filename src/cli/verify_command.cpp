@@ -1,6 +1,4 @@
 // brume verify: a cache's answers against brute force.
-#include "study/verify.h"
-
 #include "cli/cache_session.h"
 #include "cli/commands.h"
 #include "cli/environment.h"
@@ -9,6 +7,7 @@
 #include "cli/text_table.h"
 #include "cli/values.h"
 #include "core/error.h"
+#include "study/verify.h"
 
 namespace brume {
 namespace {
@@ -93,7 +92,8 @@ int verify(const VerifyCommandOptions& options, const CommandContext& context) {
 }  // namespace
 
 void add_verify_command(CLI::App& app, CommandContext& context) {
-  CLI::App* verb = app.add_subcommand("verify", "Compares a cache with brute force at random points");
+  CLI::App* verb =
+      app.add_subcommand("verify", "Compares a cache with brute force at random points");
   const auto options = std::make_shared<VerifyCommandOptions>();
   verb->add_option_function<std::string>(
           "CACHE", [options](const std::string& text) { options->cache_file = text; }, "Cache file")

@@ -16,8 +16,8 @@ class Bake : public CliTest {
     return brume(arguments);
   }
   RunResult render(std::vector<std::string> more) {
-    std::vector<std::string> arguments{"render", write_scene(),  "-o",    path("a.exr"), "--cache",
-                                       path("c.irc"), "--spp", "1", "--json"};
+    std::vector<std::string> arguments{"render",      write_scene(), "-o", path("a.exr"), "--cache",
+                                       path("c.irc"), "--spp",       "1",  "--json"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return brume(arguments);
   }
@@ -103,8 +103,7 @@ TEST_F(Bake, ReadModeSaysHowMuchIsNotCovered) {
 
 TEST_F(Bake, AppendKeepsWhatWasThere) {
   const int first = bake().json()["records"];
-  const RunResult result =
-      bake({"--cache-mode", "append", "-D", "/camera/look_at=[0,1,5]"});
+  const RunResult result = bake({"--cache-mode", "append", "-D", "/camera/look_at=[0,1,5]"});
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_GT(result.json()["records_added"], 0);
   EXPECT_EQ(int(result.json()["records"]), first + int(result.json()["records_added"]));
@@ -119,8 +118,7 @@ TEST_F(Bake, RenderFillsReadsAndCountsFallbacks) {
   const RunResult again = render({});
   EXPECT_EQ(again.json()["records_added"], 0);
   EXPECT_TRUE(read("c.irc") == before);
-  const RunResult elsewhere =
-      render({"--cache-mode", "read", "-D", "/camera/look_at=[0,1,5]"});
+  const RunResult elsewhere = render({"--cache-mode", "read", "-D", "/camera/look_at=[0,1,5]"});
   ASSERT_EQ(elsewhere.code, 0) << elsewhere.err;
   EXPECT_GT(elsewhere.json()["fallback_gathers"], 0);
   EXPECT_TRUE(read("c.irc") == before);
@@ -141,7 +139,8 @@ TEST_F(Bake, AnUnwritableCacheIsFoundBeforeWorkBegins) {
 }
 
 TEST_F(Bake, EverywhereCoversWhatNoCameraSees) {
-  const RunResult result = brume({"bake", write_scene(), "-o", path("c.irc"), "--everywhere", "--json"});
+  const RunResult result =
+      brume({"bake", write_scene(), "-o", path("c.irc"), "--everywhere", "--json"});
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_EQ(bake({"--cache-mode", "read", "-D", "/camera/look_at=[0,1,5]"}).code, 0);
 }
@@ -149,12 +148,13 @@ TEST_F(Bake, EverywhereCoversWhatNoCameraSees) {
 TEST_F(Bake, VerifyFailsAboveItsThreshold) {
   ASSERT_EQ(bake().code, 0);
   const std::string scene = write_scene();
-  const std::vector<std::string> base{"verify", path("c.irc"), scene, "--points", "8", "--cells", "16x48",
-                                      "--json"};
+  const std::vector<std::string> base{"verify", path("c.irc"), scene,   "--points",
+                                      "8",      "--cells",     "16x48", "--json"};
   const RunResult result = brume(base);
   ASSERT_EQ(result.code, 0) << result.err;
   const auto json = result.json();
-  for (const char* key : {"points", "bias", "rmse", "p95", "worst"}) EXPECT_TRUE(json.contains(key)) << key;
+  for (const char* key : {"points", "bias", "rmse", "p95", "worst"})
+    EXPECT_TRUE(json.contains(key)) << key;
   EXPECT_EQ(json["points"], 8);
   EXPECT_TRUE(json["worst"].is_object());
   auto strict = base;
@@ -167,7 +167,8 @@ TEST_F(Bake, VerifyFailsAboveItsThreshold) {
 
 TEST_F(Bake, VerifyRefusesACacheOfAnotherScene) {
   ASSERT_EQ(bake().code, 0);
-  EXPECT_EQ(brume({"verify", path("c.irc"), write_scene(), "-D", "/lights/0/intensity/0=4"}).code, 3);
+  EXPECT_EQ(brume({"verify", path("c.irc"), write_scene(), "-D", "/lights/0/intensity/0=4"}).code,
+            3);
   EXPECT_EQ(brume({"verify", path("none.irc"), write_scene()}).code, 3);
 }
 

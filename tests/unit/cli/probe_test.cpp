@@ -24,9 +24,10 @@ TEST_F(Probe, JsonHasTheKeysThatScriptsRelyOn) {
   const RunResult result = probe({"--json"});
   ASSERT_EQ(result.code, 0) << result.err;
   const auto json = result.json();
-  for (const char* key : {"position", "normal", "irradiance", "irradiance_direct", "irradiance_surface",
-                          "irradiance_media", "gradient", "gradient_terms", "gradient_rotational",
-                          "radius", "cells", "shells", "rays", "segments", "seconds"})
+  for (const char* key :
+       {"position", "normal", "irradiance", "irradiance_direct", "irradiance_surface",
+        "irradiance_media", "gradient", "gradient_terms", "gradient_rotational", "radius", "cells",
+        "shells", "rays", "segments", "seconds"})
     EXPECT_TRUE(json.contains(key)) << key;
   EXPECT_FALSE(json.contains("finite_difference"));
   EXPECT_EQ(json["normal"], nlohmann::json::array({0.0, 1.0, 0.0}));
@@ -45,7 +46,8 @@ TEST_F(Probe, JsonHasTheKeysThatScriptsRelyOn) {
 
 TEST_F(Probe, GradientsMatchTheirFiniteDifferences) {
   const auto json =
-      probe({"--json", "--cells", "64x201", "--shells", "48", "--finite-difference", "0.02"}, "0.3,0.4,0.2")
+      probe({"--json", "--cells", "64x201", "--shells", "48", "--finite-difference", "0.02"},
+            "0.3,0.4,0.2")
           .json();
   ASSERT_TRUE(json.contains("finite_difference"));
   double error = 0, size = 0;
@@ -69,8 +71,8 @@ TEST_F(Probe, GradientsArePerMetreWhateverTheUnit) {
   write_scene("cm.json", "\"unit\": 0.01,");
   const auto centimetres =
       brume({"probe", path("cm.json"), "--at", "0.3,0,0.2", "--normal", "0,1,0", "--json"}).json();
-  // A point light's irradiance grows by 100^2, the medium's and surfaces' answers with it; a gradient per
-  // metre by another 100.
+  // A point light's irradiance grows by 100^2, the medium's and surfaces' answers with it; a
+  // gradient per metre by another 100.
   EXPECT_NEAR(double(centimetres["irradiance"][0]) / double(metres["irradiance"][0]), 1e4, 1);
   EXPECT_NEAR(at(centimetres["gradient"], 0, 0) / at(metres["gradient"], 0, 0), 1e6, 1e3);
   EXPECT_NEAR(double(centimetres["radius"][0]), double(metres["radius"][0]), 1e-9);

@@ -40,8 +40,8 @@ class Process : public CliTest {
   }
   // Long enough that a signal finds it at work.
   std::vector<std::string> long_path_trace() {
-    return {"render", write_scene(), "-o", path("a.exr"), "--integrator", "path", "--res", "1024x1024",
-            "--spp", "1000", "--progress", "plain"};
+    return {"render", write_scene(), "-o",    path("a.exr"), "--integrator", "path",
+            "--res",  "1024x1024",   "--spp", "1000",        "--progress",   "plain"};
   }
   void wait_until_err_has(const std::string& text) {
     for (int i = 0; i < 600 && read("err").find(text) == std::string::npos; ++i)
@@ -66,9 +66,9 @@ TEST_F(Process, ASignalWithoutACheckpointGives128PlusItsNumber) {
 
 TEST_F(Process, ASignalLeavesAValidCheckpoint) {
   const std::string scene = write_scene();
-  const std::vector<std::string> command{"bake",   scene,     "-o",      path("c.irc"), "--res",
-                                         "512x512", "--cells", "16x50", "--progress", "plain",
-                                         "--error", "0.02",   "--max-radius", "0.01"};
+  const std::vector<std::string> command{
+      "bake",  scene,        "-o",    path("c.irc"), "--res", "512x512",      "--cells",
+      "16x50", "--progress", "plain", "--error",     "0.02",  "--max-radius", "0.01"};
   const pid_t pid = start(command, path("out"));
   wait_until_err_has(" %");
   kill(pid, SIGUSR1);
@@ -79,7 +79,8 @@ TEST_F(Process, ASignalLeavesAValidCheckpoint) {
 TEST_F(Process, ForeignGridsAreReadInAChildOfTheSameBinary) {
   const auto grid = std::filesystem::path(BRUME_SHARED_DATA) / "vdb" / "sphere_density.vdb";
   if (!std::filesystem::exists(grid)) GTEST_SKIP() << grid << " is absent";
-  EXPECT_EQ(exit_code_of(start({"inspect", grid.string(), "--json"}, path("out"))), 0) << read("err");
+  EXPECT_EQ(exit_code_of(start({"inspect", grid.string(), "--json"}, path("out"))), 0)
+      << read("err");
   EXPECT_THAT(read("out"), testing::HasSubstr("\"role\": \"density\""));
 }
 

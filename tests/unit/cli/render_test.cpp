@@ -27,9 +27,9 @@ TEST_F(Render, WritesAnImageWithItsProvenance) {
   EXPECT_EQ(file.image.height, 12);
   EXPECT_NE(file.image.find("diffuse_indirect.R"), nullptr);
   EXPECT_NE(file.image.find("Z"), nullptr);
-  for (const char* key : {"software", "command", "brume:sceneHash", "brume:cacheHash", "worldToCamera",
-                          "brume:seconds:render", "brume:peakBytes", "brume:grids", "brume:effects",
-                          "brume:badVoxels", "brume:nanPixels"})
+  for (const char* key : {"software", "command", "brume:sceneHash", "brume:cacheHash",
+                          "worldToCamera", "brume:seconds:render", "brume:peakBytes", "brume:grids",
+                          "brume:effects", "brume:badVoxels", "brume:nanPixels"})
     EXPECT_TRUE(file.metadata.contains(key)) << key;
   EXPECT_TRUE(exists("a.png"));
   double sum = 0;
@@ -40,9 +40,9 @@ TEST_F(Render, WritesAnImageWithItsProvenance) {
 TEST_F(Render, JsonHasTheKeysThatScriptsRelyOn) {
   const auto json = render({"--json"}).json();
   ASSERT_TRUE(json.is_object());
-  for (const char* key : {"seconds", "rays", "segments", "records", "peak_bytes", "effects",
-                          "medium_shadow_rays", "fallback_gathers", "cache_clamps", "bad_pixels",
-                          "samples", "light_volume_rms_error"})
+  for (const char* key :
+       {"seconds", "rays", "segments", "records", "peak_bytes", "effects", "medium_shadow_rays",
+        "fallback_gathers", "cache_clamps", "bad_pixels", "samples", "light_volume_rms_error"})
     EXPECT_TRUE(json.contains(key)) << key;
   for (const char* stage : {"load", "world", "lighting", "bake", "render", "write", "total"})
     EXPECT_TRUE(json["seconds"].contains(stage)) << stage;
@@ -81,8 +81,9 @@ TEST_F(Render, StatsHoldWhatJsonHolds) {
 TEST_F(Render, ReproducibleImagesDependOnNoThreadCountOrName) {
   const std::string scene = write_scene();
   for (const char* name : {"1", "2", "3"}) {
-    const RunResult result = brume({"-t", name, "render", scene, "-o", path(std::string(name) + ".exr"),
-                                    "--spp", "1", "--reproducible"});
+    const RunResult result =
+        brume({"-t", name, "render", scene, "-o", path(std::string(name) + ".exr"), "--spp", "1",
+               "--reproducible"});
     ASSERT_EQ(result.code, 0) << result.err;
   }
   EXPECT_TRUE(read("1.exr") == read("2.exr"));
@@ -165,8 +166,9 @@ TEST_F(Render, UnwritableOutputsAreFoundBeforeWorkBegins) {
 }
 
 TEST_F(Render, OutputsComeFromTheSceneWhereNoneIsNamed) {
-  const std::string scene = write_scene(
-      "room.json", R"("outputs": [{"file": "b.exr", "aovs": ["beauty", "Z"]}, {"file": "c.exr"}],)");
+  const std::string scene =
+      write_scene("room.json",
+                  R"("outputs": [{"file": "b.exr", "aovs": ["beauty", "Z"]}, {"file": "c.exr"}],)");
   const RunResult result = brume({"render", scene, "--spp", "1"});
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_EQ(read_image(path("b.exr")).image.find("albedo.R"), nullptr);

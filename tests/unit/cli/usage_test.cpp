@@ -43,7 +43,8 @@ TEST_F(Usage, AnUnknownFlagHintsAtTheNearest) {
 }
 
 TEST_F(Usage, HintsKnowGlobalFlagsAfterAVerb) {
-  EXPECT_THAT(brume({"bake", "a.json", "--thread", "2"}).err, HasSubstr("did you mean '--threads'?"));
+  EXPECT_THAT(brume({"bake", "a.json", "--thread", "2"}).err,
+              HasSubstr("did you mean '--threads'?"));
 }
 
 TEST_F(Usage, AFarNameGetsNoHint) {
@@ -135,7 +136,8 @@ TEST_F(Usage, AnUnknownLayerIsRefusedBeforeAnyWork) {
 }
 
 TEST_F(Usage, AnUnknownCameraListsThoseThereAre) {
-  const RunResult result = brume({"render", write_scene(), "-o", path("a.exr"), "--camera", "left"});
+  const RunResult result =
+      brume({"render", write_scene(), "-o", path("a.exr"), "--camera", "left"});
   EXPECT_EQ(result.code, 3);
   EXPECT_THAT(result.err, HasSubstr("left"));
 }
@@ -153,8 +155,8 @@ TEST_F(Usage, VersionNamesTheLibraries) {
   const RunResult result = brume({"--version"});
   EXPECT_EQ(result.code, 0);
   EXPECT_THAT(result.out, StartsWith("brume "));
-  for (const char* library :
-       {"OpenVDB 1", "Embree ", "OpenEXR 3", "OpenImageIO 2", "TBB 20", "assimp 5", "CLI11 2", "json 3"})
+  for (const char* library : {"OpenVDB 1", "Embree ", "OpenEXR 3", "OpenImageIO 2", "TBB 20",
+                              "assimp 5", "CLI11 2", "json 3"})
     EXPECT_THAT(result.out, HasSubstr(library));
 }
 
