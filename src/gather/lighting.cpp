@@ -8,7 +8,8 @@ namespace {
 constexpr int kPatchGrid = 3, kPatches = kPatchGrid * kPatchGrid;  // Tables of an area light.
 // Patches average each other's errors out, so their tables may be coarser than a point light's.
 constexpr double kPatchErrorFactor = 2;
-constexpr int kErrorSamples = 4096;  // Points at which the error is measured.
+constexpr int kErrorPoints = 2048;   // Points at which the error is measured.
+constexpr int kErrorLightGrid = 5;   // Samples across an area light, each way, at each.
 
 // Patch centres of an area light: the mean of its samples in each cell of the sample square. Samples
 // of one cell are spread symmetrically around it, so the first order of the optical depth's change
@@ -42,6 +43,8 @@ Vec3d random_point(const Box3d& box, RandomStream& random) {
 
 Lighting::Lighting(const World& world, const LightingOptions& options)
     : world_(world), options_(options) {
+  for (const Volume& v : world.medium().volumes())
+    boxes_.push_back(v.is_homogeneous() ? v.world_bounds() : v.density->world_bounds());
   tables_.resize(world.lights().size());
   const Medium& medium = world.medium();
   if (options.depth == LightDepth::Exact || !medium.is_heterogeneous()) return;
@@ -113,13 +116,12 @@ RgbD Lighting::transmittance(int light, const LightSample& sample, const Vec3d& 
   RgbD tau;
   for (std::size_t v = 0; v < medium.volumes().size(); ++v) {
     const Volume& volume = medium.volumes()[v];
+    const Interval inside = clip(ray, boxes_[v], {0, sample.distance});
     if (t.volumes[v] == nullptr) {
-      const Interval inside = clip(ray, volume.world_bounds(), {0, sample.distance});
       if (!inside.is_empty()) tau += volume.sigma_t() * (inside.end - inside.begin);
       continue;
     }
     // Density ends at the box, so a point outside it sees what the point where its ray enters sees.
-    const Interval inside = clip(ray, volume.density->world_bounds(), {0, sample.distance});
     if (inside.is_empty()) continue;
     tau += volume.sigma_t() * t.volumes[v]->density_integral(ray.at(inside.begin));
     ++counters.light_volume_lookups;
@@ -127,6 +129,7 @@ RgbD Lighting::transmittance(int light, const LightSample& sample, const Vec3d& 
   return exp_neg(tau);
 }
 
+// Of the transmittance that light arrives with, averaged over the light as pictures average it.
 void Lighting::measure_error() {
   const Box3d box = world_.medium().bounds();
   if (box.isEmpty()) return;
@@ -134,18 +137,27 @@ void Lighting::measure_error() {
   Counters ignored;
   double sum = 0;
   int n = 0;
-  for (int i = 0; i < kErrorSamples; ++i) {
-    const int light = i % static_cast<int>(tables_.size());
+  for (int i = 0; i < kErrorPoints; ++i) {
+    const int l = i % static_cast<int>(tables_.size());
+    const Light& light = *world_.lights()[l];
     const Vec3d p = random_point(box, random);
-    const Vec2d u = random.uniform2();
-    if (tables_[light].empty() || is_black(world_.medium().sigma_t_at(p))) continue;
-    const LightSample s = world_.lights()[light]->sample(p, u);
-    if (is_black(s.weight)) continue;
-    const double e = luminance(transmittance(light, s, p, ignored)) -
-                     luminance(exp_neg(exact_depth(s, p, ignored)));
-    sum += e * e;
+    if (tables_[l].empty() || is_black(world_.medium().sigma_t_at(p))) continue;
+    double weights = 0, error = 0;
+    const int grid = light.is_delta() ? 1 : kErrorLightGrid;
+    for (int k = 0; k < grid * grid; ++k) {
+      const Vec2d u = random.uniform2();
+      const LightSample s = light.sample(p, {(k % grid + u.x) / grid, (k / grid + u.y) / grid});
+      const double weight = luminance(s.weight);
+      if (!(weight > 0)) continue;
+      weights += weight;
+      error += weight * (luminance(transmittance(l, s, p, ignored)) -
+                         luminance(exp_neg(exact_depth(s, p, ignored))));
+    }
+    if (!(weights > 0)) continue;
+    error /= weights;
+    sum += error * error;
     ++n;
-    max_error_ = std::max(max_error_, std::abs(e));
+    max_error_ = std::max(max_error_, std::abs(error));
   }
   rms_error_ = n > 0 ? std::sqrt(sum / n) : 0;
 }

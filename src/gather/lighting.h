@@ -40,8 +40,8 @@ class Lighting {
   // Transmittance from p to the light along its sample; visibility is not in it.
   RgbD transmittance(int light, const LightSample& sample, const Vec3d& p, Counters& counters) const;
 
-  // Error of transmittance() over random points of the medium and samples of the lights, against
-  // marching; 0 without light volumes. Measured when built.
+  // Error of the transmittance that light arrives with, over random points of the medium, against
+  // marching; area lights averaged over their samples. 0 without light volumes. Measured when built.
   double rms_error() const { return rms_error_; }
   double max_error() const { return max_error_; }
   std::size_t memory_bytes() const;
@@ -57,6 +57,7 @@ class Lighting {
 
   const World& world_;
   LightingOptions options_;
+  std::vector<Box3d> boxes_;                // Of the volumes' density, by volume.
   std::vector<std::vector<Table>> tables_;  // By light; empty: marched.
   double rms_error_ = 0, max_error_ = 0;
 };

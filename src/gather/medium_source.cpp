@@ -32,14 +32,35 @@ double distance_to_segment(const Ray& ray, const Vec3d& point, double a, double 
 MediumSource::MediumSource(const Lighting& lighting, const Effects& effects)
     : lighting_(lighting), effects_(effects) {}
 
-void MediumSource::add_scattering(const ShellMarcher& marcher, int v, int shell, const Ray& ray,
-                                  double a, double b, double jitter, const RgbD& dimming,
+// Where volumes overlap one of them is chosen by how much it scatters, so that light is asked for once a
+// shell however many volumes there are.
+void MediumSource::add_scattering(const ShellMarcher& marcher, int shell, const Ray& ray, double a,
+                                  double b, double jitter, const RgbD& dimming,
                                   RandomStream& random) {
   const World& world = lighting_.world();
-  const Volume& volume = world.medium().volumes()[v];
+  const auto& volumes = world.medium().volumes();
+  chances_.clear();
+  double sum = 0;
+  for (std::size_t i = 0; i < volumes.size(); ++i)
+    chances_.push_back(sum += volumes[i].scatters()
+                                  ? mean_component(volumes[i].sigma_s) *
+                                        marcher.shell(static_cast<int>(i), shell).integral
+                                  : 0);
+  if (!(sum > 0)) return;
+  std::size_t chosen = 0;
+  double share = 1;
+  if (volumes.size() > 1) {
+    const double u = random.uniform() * sum;
+    while (chosen + 1 < volumes.size() && chances_[chosen] <= u) ++chosen;
+    share = (chances_[chosen] - (chosen > 0 ? chances_[chosen - 1] : 0)) / sum;
+    if (!(share > 0)) return;
+  }
+  const int v = static_cast<int>(chosen);
+  const Volume& volume = volumes[chosen];
   const ShellDensity& density = marcher.shell(v, shell);
   const Vec3d drawn = ray.at(density.t_sample);
-  const RgbD drawn_strength = dimming * volume.sigma_s_at(drawn) * density.integral;
+  const RgbD drawn_strength =
+      dimming * volume.sigma_s_at(drawn) * (density.integral / share);
   for (std::size_t l = 0; l < world.lights().size(); ++l) {
     const Light& light = *world.lights()[l];
     const Vec2d u = random.uniform2();
@@ -51,7 +72,7 @@ void MediumSource::add_scattering(const ShellMarcher& marcher, int v, int shell,
       const EquiAngular near(ray, light.centre(), a, b);
       const double t = std::clamp(near.distance(jitter), a, b);
       p = ray.at(t);
-      strength = dimming * volume.sigma_s_at(p) * (volume.density_at(p) / near.pdf(t));
+      strength = dimming * volume.sigma_s_at(p) * (volume.density_at(p) / (near.pdf(t) * share));
     }
     const LightSample sample = light.sample(p, u);
     if (is_black(sample.weight) || is_black(strength)) continue;
@@ -74,11 +95,10 @@ const std::vector<ShellLight>& MediumSource::shells(const ShellMarcher& marcher,
     // exp(-tau) (1 - exp(-depth)) / depth: exact for a source in proportion to density.
     const RgbD dimming = RgbD(one_minus_exp_over(depth.r), one_minus_exp_over(depth.g),
                               one_minus_exp_over(depth.b)) * exp_neg(tau);
+    if (effects_.scattering) add_scattering(marcher, i, ray, a, b, jitter[i], dimming, random);
     for (std::size_t v = 0; v < volumes.size(); ++v) {
       const Volume& volume = volumes[v];
       const ShellDensity& density = marcher.shell(static_cast<int>(v), i);
-      if (effects_.scattering && volume.scatters() && density.integral > 0)
-        add_scattering(marcher, static_cast<int>(v), i, ray, a, b, jitter[i], dimming, random);
       if (!volume.emits()) continue;
       if (volume.emission.mode == Emission::Mode::Grid) {
         // Fire without smoke glows too: drawn evenly, not by density.

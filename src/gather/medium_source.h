@@ -48,13 +48,14 @@ class MediumSource {
     Vec3d position{0.0};
     RgbD strength;   // Everything but phase, transmittance to the light and visibility.
   };
-  void add_scattering(const ShellMarcher& marcher, int v, int shell, const Ray& ray, double a, double b,
+  void add_scattering(const ShellMarcher& marcher, int shell, const Ray& ray, double a, double b,
                       double jitter, const RgbD& dimming, RandomStream& random);
 
   const Lighting& lighting_;
   Effects effects_;
   std::vector<ShellLight> shells_;
   std::vector<Pending> pending_;
+  std::vector<double> chances_;  // Running sums over volumes, for choosing one.
   std::vector<ShadowRay> shadow_rays_;
   std::vector<std::uint8_t> occluded_;
 };

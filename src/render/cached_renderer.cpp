@@ -6,9 +6,13 @@
 #include "core/random.h"
 #include "gather/medium_source.h"
 #include "gather/surface_light.h"
+#include "render/sample_points.h"
 
 namespace brume {
 namespace {
+
+// Decisions with well-spread numbers of their own; shells and lights count on from theirs.
+enum Dimension : std::uint32_t { kPixel, kShell = 16, kSurfaceLight = 1024 };
 
 constexpr int kTilePixels = 16;
 constexpr int kMostStretches = 3;  // Doublings of a query's footprint before a fallback gather.
@@ -35,14 +39,15 @@ class PixelRenderer {
     return m;
   }
   // Returns whether a surface was hit.
-  bool sample(double x, double y, std::uint64_t key, PixelResult& result);
-  RgbD march_eye_ray(const Ray& ray, double t_end, RandomStream& random, PixelResult& result);
-  void shade(const Hit& hit, const Ray& ray, const RgbD& reaching, RandomStream& random,
-             std::uint64_t key, PixelResult& result);
+  bool sample(const Ray& ray, const SamplePoints& points, std::uint64_t key, PixelResult& result);
+  RgbD march_eye_ray(const Ray& ray, double t_end, const SamplePoints& points,
+                     RandomStream& random, PixelResult& result);
+  void shade(const Hit& hit, const Ray& ray, const RgbD& reaching, const SamplePoints& points,
+             RandomStream& random, std::uint64_t key, PixelResult& result);
   RgbD indirect(const Hit& hit, const Vec3d& n, double footprint, std::uint64_t key,
                 PixelResult& result);
   RgbD glossy_indirect(const Vec3d& p, const Vec3d& n, const Vec3d& wo, const Material& material,
-                       RandomStream& random);
+                       const SamplePoints& points, RandomStream& random);
   Gatherer& gatherer();
 
   const Lighting& lighting_;
@@ -66,8 +71,8 @@ Gatherer& PixelRenderer::gatherer() {
 }
 
 // Single scattering and emission along the ray, stratified in shells; returns its transmittance.
-RgbD PixelRenderer::march_eye_ray(const Ray& ray, double t_end, RandomStream& random,
-                                  PixelResult& result) {
+RgbD PixelRenderer::march_eye_ray(const Ray& ray, double t_end, const SamplePoints& points,
+                                  RandomStream& random, PixelResult& result) {
   const Medium& medium = world_.medium();
   MarchCounters march;
   RgbD reaching(1);
@@ -85,7 +90,8 @@ RgbD PixelRenderer::march_eye_ray(const Ray& ray, double t_end, RandomStream& ra
     jitter_.clear();
     for (int i = 0; i <= options_.eye_shells; ++i)
       boundaries_.push_back(inside.begin + (end - inside.begin) * i / options_.eye_shells);
-    for (int i = 0; i < options_.eye_shells; ++i) jitter_.push_back(random.uniform());
+    for (int i = 0; i < options_.eye_shells; ++i)
+      jitter_.push_back(points.square(kShell + static_cast<std::uint32_t>(i)).x);
     marcher_.march(ray, boundaries_, t_end, jitter_, false, march);
     for (const ShellLight& shell :
          source_.shells(marcher_, ray, boundaries_, t_end, jitter_, random, counters)) {
@@ -122,14 +128,15 @@ RgbD PixelRenderer::indirect(const Hit& hit, const Vec3d& n, double footprint, s
 
 // One ray by the glossy lobe; what it hits is lit directly and by the records, as eyes see it.
 RgbD PixelRenderer::glossy_indirect(const Vec3d& p, const Vec3d& n, const Vec3d& wo,
-                                    const Material& material, RandomStream& random) {
+                                    const Material& material, const SamplePoints& points,
+                                    RandomStream& random) {
   const BrdfSample lobe = sample_specular(material, n, wo, random.uniform2());
   if (!(lobe.pdf > 0) || is_black(lobe.weight)) return {};
   const Ray ray{p, lobe.wi};
   const Hit hit = world_.tracer().intersect(ray);
   ++counters.rays;
   PixelResult seen;  // Collects the medium's light along the way.
-  const RgbD reaching = march_eye_ray(ray, hit.t, random, seen);
+  const RgbD reaching = march_eye_ray(ray, hit.t, points, random, seen);
   RgbD light = seen[Layer::VolumeDirect] + seen[Layer::VolumeEmission];
   if (hit.is_hit()) {
     hit_light_.begin(1);
@@ -140,8 +147,9 @@ RgbD PixelRenderer::glossy_indirect(const Vec3d& p, const Vec3d& n, const Vec3d&
   return light * lobe.weight;
 }
 
-void PixelRenderer::shade(const Hit& hit, const Ray& ray, const RgbD& reaching, RandomStream& random,
-                          std::uint64_t key, PixelResult& result) {
+void PixelRenderer::shade(const Hit& hit, const Ray& ray, const RgbD& reaching,
+                          const SamplePoints& points, RandomStream& random, std::uint64_t key,
+                          PixelResult& result) {
   const Material& material = world_.material(hit);
   const Vec3d wo = -ray.direction;
   result[Layer::Emission] += world_.emission(hit, wo) * reaching;
@@ -155,7 +163,8 @@ void PixelRenderer::shade(const Hit& hit, const Ray& ray, const RgbD& reaching, 
   if (!material.reflects()) return;
 
   for (std::size_t l = 0; l < world_.lights().size(); ++l) {
-    const LightSample s = world_.lights()[l]->sample(p, random.uniform2());
+    const LightSample s = world_.lights()[l]->sample(
+        p, points.square(kSurfaceLight + static_cast<std::uint32_t>(l)));
     const double cosine = n.dot(s.direction);
     if (cosine <= 0 || ng.dot(s.direction) <= 0 || is_black(s.weight)) continue;
     ++counters.shadow_rays;
@@ -171,15 +180,15 @@ void PixelRenderer::shade(const Hit& hit, const Ray& ray, const RgbD& reaching, 
     result[Layer::DiffuseIndirect] += indirect(hit, n, footprint, key, result) *
                                       RgbD(material.albedo) * kInvPi * reaching;
   if (material.is_glossy() && effects_.indirect)
-    result[Layer::GlossyIndirect] += glossy_indirect(p, n, wo, material, random) * reaching;
+    result[Layer::GlossyIndirect] += glossy_indirect(p, n, wo, material, points, random) * reaching;
 }
 
-bool PixelRenderer::sample(double x, double y, std::uint64_t key, PixelResult& result) {
+bool PixelRenderer::sample(const Ray& ray, const SamplePoints& points, std::uint64_t key,
+                           PixelResult& result) {
   RandomStream random(key);
-  const Ray ray = camera_.ray(x, y);
   const Hit hit = world_.tracer().intersect(ray);
   ++counters.rays;
-  const RgbD reaching = effects_.medium ? march_eye_ray(ray, hit.t, random, result) : RgbD(1);
+  const RgbD reaching = effects_.medium ? march_eye_ray(ray, hit.t, points, random, result) : RgbD(1);
   result.transmittance += reaching;
   if (!hit.is_hit()) {
     result[Layer::Background] += world_.background(ray.direction) * reaching;
@@ -188,7 +197,7 @@ bool PixelRenderer::sample(double x, double y, std::uint64_t key, PixelResult& r
   }
   result.alpha += 1;
   result.z = std::min(result.z, hit.t * ray.direction.dot(camera_.forward()));
-  shade(hit, ray, reaching, random, random_key(key, 1), result);
+  shade(hit, ray, reaching, points, random, random_key(key, 1), result);
   return true;
 }
 
@@ -198,17 +207,13 @@ PixelResult PixelRenderer::pixel(int x, int y) {
   sum.z = kInfinity;
   const std::uint64_t before = counters.rays + counters.shadow_rays + counters.medium_shadow_rays +
                                counters.segments;
-  // Samples on a jittered grid as square as their number allows.
   const int n = std::max(1, options_.samples);
-  int columns = static_cast<int>(std::sqrt(double(n)));
-  while (n % columns != 0) --columns;
-  const int rows = n / columns;
   int hits = 0;
+  const std::uint64_t pixel_key = random_key(settings_.seed, 0x706978ULL, x, y);
   for (int i = 0; i < n; ++i) {
-    const std::uint64_t key = random_key(settings_.seed, 0x706978ULL, x, y, i);
-    RandomStream jitter(random_key(key, 2));
-    const Vec2d u = jitter.uniform2();
-    hits += sample(x + (i % columns + u.x) / columns, y + (i / columns + u.y) / rows, key, sum);
+    const SamplePoints points(pixel_key, static_cast<std::uint32_t>(i));
+    const Vec2d u = points.square(kPixel);
+    hits += sample(camera_.ray(x + u.x, y + u.y), points, random_key(pixel_key, i), sum);
   }
   for (RgbD& layer : sum.layers) layer *= 1.0 / n;
   sum.alpha /= n;

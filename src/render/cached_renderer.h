@@ -12,8 +12,8 @@
 namespace brume {
 
 struct CachedRenderOptions {
-  int samples = 16;        // A pixel, stratified; antialiasing, area lights and the medium share them.
-  int eye_shells = 32;     // Steps of single scattering along an eye ray.
+  int samples = 16;        // A pixel, well spread; antialiasing, area lights and the medium share them.
+  int eye_shells = 16;     // Steps of single scattering along an eye ray, each at another place every sample.
   double step_voxels = 0;  // 0: exact.
   int threads = 0;
   Interval crop_x{0, 1}, crop_y{0, 1};  // Parts of the image; pixels outside stay 0.

@@ -7,9 +7,9 @@
 namespace brume {
 namespace {
 
-// Beyond this many times its longest edge a rectangle looks flat and small: uniform over the area
+// Beyond this many times its longest edge, squared, a rectangle looks flat and small: uniform over the area
 // is then as good as over the solid angle, and cheaper.
-constexpr double kFarTimes2 = 100;
+constexpr double kFarTimes2 = 4;
 // Below this solid angle its sampling loses digits.
 constexpr double kMinSolidAngle = 1e-7;
 constexpr double kPerpendicular = 1e-9;
