@@ -472,8 +472,7 @@ RgbD direct_irradiance(const Lighting& lighting, const Vec3d& position, const Ve
       if (cosine <= 0 || is_black(s.weight)) continue;
       ++counters.shadow_rays;
       if (world.tracer().is_occluded(shadow_ray(position, s))) continue;
-      sum += s.weight * lighting.transmittance(static_cast<int>(l), s, position, counters) *
-             (cosine / n);
+      sum += s.weight * lighting.exact_transmittance(s, position, counters) * (cosine / n);
     }
   }
   return sum;

@@ -39,6 +39,10 @@ class Lighting {
 
   // Transmittance from p to the light along its sample; visibility is not in it.
   RgbD transmittance(int light, const LightSample& sample, const Vec3d& p, Counters& counters) const;
+  // The same, marched whatever the options say: for what eyes see directly.
+  RgbD exact_transmittance(const LightSample& sample, const Vec3d& p, Counters& counters) const {
+    return world_.medium().is_vacuum() ? RgbD(1) : exp_neg(exact_depth(sample, p, counters));
+  }
 
   // Error of the transmittance that light arrives with, over random points of the medium, against
   // marching; area lights averaged over their samples. 0 without light volumes. Measured when built.

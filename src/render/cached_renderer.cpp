@@ -169,8 +169,9 @@ void PixelRenderer::shade(const Hit& hit, const Ray& ray, const RgbD& reaching,
     if (cosine <= 0 || ng.dot(s.direction) <= 0 || is_black(s.weight)) continue;
     ++counters.shadow_rays;
     if (world_.tracer().is_occluded(shadow_ray(p, s))) continue;
-    const RgbD incident = s.weight * reaching * cosine *
-                          lighting_.transmittance(static_cast<int>(l), s, p, counters);
+    // Marched: shadows of smoke are sharp to the eye, and this is one ray a light, not one a shell.
+    const RgbD incident =
+        s.weight * reaching * cosine * lighting_.exact_transmittance(s, p, counters);
     result[Layer::DiffuseDirect] += incident * RgbD(material.albedo) * kInvPi;
     if (material.is_glossy())
       result[Layer::GlossyDirect] += incident * eval_specular(material, n, s.direction, wo);
