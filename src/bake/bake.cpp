@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstring>
+#include <unordered_map>
 
 #include "bake/placement.h"
 #include "core/error.h"
@@ -20,8 +21,10 @@ constexpr double kDeeperErrorFactor = 2, kDeeperMinRadiusFactor = 8;
 constexpr double kConverged = 2e-3;
 // Candidates count as covered a little inside a record's edge, where its weight is not yet 0.
 constexpr double kCoveredWithin = 0.9;
-// Waves of a view, by pixel stride: the first are global, the rest stay in their tile.
+// Waves of a view, by pixel stride: the first are global, the rest stay in their tile. They count
+// from where those over all surfaces never get to, so that each can tell how far its own kind came.
 constexpr int kCoarsestStride = 32, kFinestGlobalStride = 8, kTilePixels = 64;
+constexpr int kFirstViewWave = 128;
 
 struct Worker {
   std::unique_ptr<Gatherer> gatherer;
@@ -32,16 +35,24 @@ class Baker {
  public:
   Baker(const Lighting& lighting, const BakeSettings& settings, const BakeRequest& request,
         const IrradianceCache* existing)
-      : lighting_(lighting), world_(lighting.world()), settings_(settings), request_(request),
+      : lighting_(lighting),
+        world_(lighting.world()),
+        settings_(settings),
+        request_(request),
         effects_(plan_effects(world_, settings.bounces, settings.volume_bounces)),
         origin_((world_.bounds().min + world_.bounds().max) * 0.5) {
     for (int a = 0; a < 3; ++a)
       if (!std::isfinite(origin_[a])) origin_[a] = 0;
     if (existing != nullptr) {
-      records_.assign(existing->records().begin(), existing->records().end());
+      for (const SurfaceRecord& r : existing->records()) {
+        if ((r.flags & kUnfinishedViewFlag) == 0)
+          records_.push_back(r);
+        else
+          unfinished_.emplace(r.key, r);
+      }
       origin_ = existing->origin();
+      existing_ = existing->records().size();
     }
-    existing_ = records_.size();
     cache_ = std::make_shared<IrradianceCache>(records_, origin_);
   }
 
@@ -58,10 +69,15 @@ class Baker {
     return stopped_;
   }
   void use_layer(int layer);
+  bool has_records_above(int layer) const {
+    return !records_.empty() && records_.back().layer() > layer;
+  }
+  int next_wave_everywhere(int layer) const;
   void everywhere(int layer, const std::string& stage);
   void views(int layer);
   Points uncovered(const Points& points, int layer, const IrradianceCache* more);
-  SurfaceRecord record(const SurfacePoint& point, int layer, int wave, Worker& worker);
+  SurfaceRecord placed(const SurfacePoint& point, int layer, int wave) const;
+  void gather(const SurfacePoint& point, SurfaceRecord& r, Worker& worker) const;
   Records gather_all(const Points& points, int layer, int wave);
   void clamp_by_neighbours(Records& fresh, int layer, const IrradianceCache* more) const;
   void seal(Records fresh);
@@ -80,6 +96,10 @@ class Baker {
   Vec3d origin_;
   Records records_;
   std::size_t existing_ = 0;
+  // Of the top layer, by key: tiles of views that a stopped bake left unfinished. A tile's
+  // placement knows its view's global waves and itself alone, so these cover nothing until their
+  // tile chooses them again.
+  std::unordered_map<std::uint64_t, SurfaceRecord> unfinished_;
   std::shared_ptr<IrradianceCache> cache_;
   std::vector<Worker> workers_;
   HitLight below_;
@@ -121,7 +141,8 @@ Baker::Points Baker::uncovered(const Points& points, int layer, const Irradiance
   return left;
 }
 
-SurfaceRecord Baker::record(const SurfacePoint& point, int layer, int wave, Worker& worker) {
+// A record that knows where it is, and its key.
+SurfaceRecord Baker::placed(const SurfacePoint& point, int layer, int wave) const {
   SurfaceRecord r{};
   const Vec3d local = point.position - origin_;
   for (int a = 0; a < 3; ++a) {
@@ -131,11 +152,15 @@ SurfaceRecord Baker::record(const SurfacePoint& point, int layer, int wave, Work
   std::uint32_t bits[6];
   std::memcpy(bits, r.position, sizeof r.position);
   std::memcpy(bits + 3, r.normal, sizeof r.normal);
-  // Without the layer: layers that choose the same point share its random numbers, so that what changes
-  // from one to the next is light, not noise.
+  // Without the layer: layers that choose the same point share its random numbers, so that what
+  // changes from one to the next is light, not noise.
   r.key = random_key(bits[0], bits[1], bits[2], bits[3], bits[4], bits[5]);
   r.flags = record_flags(layer, wave);
+  return r;
+}
 
+// The rest of a record that is placed.
+void Baker::gather(const SurfacePoint& point, SurfaceRecord& r, Worker& worker) const {
   // The point as stored, so that the record is a function of what is in the file.
   const Vec3d normal = Vec3d(r.normal[0], r.normal[1], r.normal[2]).normalized();
   const GatherPoint at{Vec3d(r.position[0], r.position[1], r.position[2]) + origin_, normal,
@@ -156,19 +181,19 @@ SurfaceRecord Baker::record(const SurfacePoint& point, int layer, int wave, Work
   r.error = static_cast<float>(g.error);
   const double all = luminance(g.irradiance);
   r.media_share = all > 0 ? static_cast<float>(luminance(g.irradiance_media) / all) : 0;
-  return r;
 }
 
 Baker::Records Baker::gather_all(const Points& points, int layer, int wave) {
   Records fresh(points.size());
   parallel_for_slots(request_.threads, points.size(), 1, [&](std::size_t i, int slot) {
-    fresh[i] = record(points[i], layer, wave, workers_[slot]);
+    fresh[i] = placed(points[i], layer, wave);
+    gather(points[i], fresh[i], workers_[slot]);
   });
   return fresh;
 }
 
-// A record close to another with a small radius must not reach far past it: R_i <= R_j + |x_i - x_j|
-// (neighbour clamping, Krivanek et al. 2006). Reads radii as gathered, so order plays no part.
+// A record close to another with a small radius must not reach far past it: R_i <= R_j + |x_i -
+// x_j| (neighbour clamping, Krivanek et al. 2006). Reads radii as gathered, so order plays no part.
 void Baker::clamp_by_neighbours(Records& fresh, int layer, const IrradianceCache* more) const {
   if (fresh.empty()) return;
   Records sorted = fresh;
@@ -185,7 +210,8 @@ void Baker::clamp_by_neighbours(Records& fresh, int layer, const IrradianceCache
       if (others == nullptr) continue;
       for (const RecordWeight& w : others->explain({layer, p, n, own})) {
         const SurfaceRecord& o = *w.record;
-        const double d = (Vec3d(o.position[0], o.position[1], o.position[2]) + origin_ - p).length();
+        const double d =
+            (Vec3d(o.position[0], o.position[1], o.position[2]) + origin_ - p).length();
         radius = std::min(radius, std::min(o.radius[0], o.radius[1]) + d);
       }
     }
@@ -210,38 +236,57 @@ void Baker::seal(Records fresh) {
   if (below_.cache != nullptr) below_.cache = cache_.get();
 }
 
-// Waves of candidates over all surfaces, each twice as dense as the one before.
+// A wave is sealed whole or not at all, so those up to the last one with records are done.
+int Baker::next_wave_everywhere(int layer) const {
+  int next = 0;
+  for (const SurfaceRecord& r : records_)
+    if (r.layer() == layer && r.wave() < kFirstViewWave) next = std::max(next, r.wave() + 1);
+  return next;
+}
+
+// Waves of candidates over all surfaces, each twice as dense as the one before. Goes on after the
+// waves that an earlier bake sealed: asked again, those would fill what their thinning left to the
+// next.
 void Baker::everywhere(int layer, const std::string& stage) {
   use_layer(layer);
   const SurfacePoints surfaces(world_.tracer());
   const double coarsest = layer_settings_.max_radius * world_.diagonal();
   const double finest = layer_settings_.min_radius * world_.diagonal();
-  int wave = 0;
-  const int waves = static_cast<int>(std::ceil(std::log2(std::max(1.0, coarsest / finest)))) + 1;
-  for (double spacing = coarsest; wave < waves && !is_stopped(); spacing /= 2, ++wave) {
+  const int waves = std::min(
+      kFirstViewWave, static_cast<int>(std::ceil(std::log2(std::max(1.0, coarsest / finest)))) + 1);
+  for (int wave = next_wave_everywhere(layer); wave < waves && !is_stopped(); ++wave) {
+    const double spacing = std::ldexp(coarsest, -wave);
     report(stage, double(wave) / waves);
-    const Points open = uncovered(surfaces.points(spacing, random_key(settings_.seed, wave)),
-                                  layer, nullptr);
+    const Points open =
+        uncovered(surfaces.points(spacing, random_key(settings_.seed, wave)), layer, nullptr);
     Records fresh = gather_all(thin(open, 0.7 * spacing), layer, wave);
     clamp_by_neighbours(fresh, layer, nullptr);
     seal(std::move(fresh));
   }
 }
 
-Baker::Records Baker::bake_tile(const BakeView& view, const PixelRect& tile, int layer, int first_wave,
-                                Worker& worker) {
+Baker::Records Baker::bake_tile(const BakeView& view, const PixelRect& tile, int layer,
+                                int first_wave, Worker& worker) {
   Records all;
   IrradianceCache own({}, origin_);
   int wave = first_wave;
   for (int stride = kFinestGlobalStride / 2; stride >= 1; stride /= 2, ++wave) {
-    Records fresh;
+    Records fresh, found;
     for (const SurfacePoint& p : view_points(world_, view, tile, stride, true)) {
       const IrradianceQuery query{layer, p.position, p.normal, p.min_radius};
       if (cache_->covers(query, kCoveredWithin) || own.covers(query, kCoveredWithin)) continue;
-      fresh.push_back(record(p, layer, wave, worker));
+      SurfaceRecord r = placed(p, layer, wave);
+      if (const auto it = unfinished_.find(r.key); it != unfinished_.end()) {
+        found.push_back(it->second);
+        found.back().flags &= ~kUnfinishedViewFlag;
+        continue;
+      }
+      gather(p, r, worker);
+      fresh.push_back(r);
     }
     clamp_by_neighbours(fresh, layer, &own);
     all.insert(all.end(), fresh.begin(), fresh.end());
+    all.insert(all.end(), found.begin(), found.end());
     std::sort(all.begin(), all.end(), RecordOrder());
     own = IrradianceCache(all, origin_);
   }
@@ -250,14 +295,14 @@ Baker::Records Baker::bake_tile(const BakeView& view, const PixelRect& tile, int
 
 void Baker::views(int layer) {
   use_layer(layer);
-  int wave = 0;
+  int wave = kFirstViewWave;
   for (int stride = kCoarsestStride; stride >= kFinestGlobalStride; stride /= 2, ++wave) {
     for (const BakeView& view : request_.views) {
       if (is_stopped()) return;
       const PixelRect frame{0, 0, view.width, view.height};
       const Points open = uncovered(
           view_points(world_, view, frame, stride, stride < kCoarsestStride), layer, nullptr);
-      report("gather", 0.1 * wave);
+      report("gather", 0.1 * (wave - kFirstViewWave));
       Records fresh = gather_all(open, layer, wave);
       clamp_by_neighbours(fresh, layer, nullptr);
       seal(std::move(fresh));
@@ -267,8 +312,8 @@ void Baker::views(int layer) {
     std::vector<PixelRect> tiles;
     for (int y = 0; y < view.height; y += kTilePixels)
       for (int x = 0; x < view.width; x += kTilePixels)
-        tiles.push_back({x, y, std::min(x + kTilePixels, view.width),
-                         std::min(y + kTilePixels, view.height)});
+        tiles.push_back(
+            {x, y, std::min(x + kTilePixels, view.width), std::min(y + kTilePixels, view.height)});
     std::vector<Records> baked(tiles.size());
     std::atomic<bool> stop = false;
     std::atomic<std::size_t> done = 0;
@@ -278,14 +323,21 @@ void Baker::views(int layer) {
         return;
       }
       baked[i] = bake_tile(view, tiles[i], layer, wave, workers_[slot]);
-      if (slot == 0) report("gather", 0.3 + 0.7 * double(++done) / double(tiles.size()));
-      else ++done;
+      if (slot == 0)
+        report("gather", 0.3 + 0.7 * double(++done) / double(tiles.size()));
+      else
+        ++done;
     });
     Records fresh;
     for (const Records& r : baked) fresh.insert(fresh.end(), r.begin(), r.end());
+    if (stop) {
+      for (SurfaceRecord& r : fresh) r.flags |= kUnfinishedViewFlag;
+      stopped_ = true;
+    }
     seal(std::move(fresh));
-    stopped_ = stopped_ || stop;
+    if (stopped_) return;
   }
+  for (auto& [key, r] : unfinished_) r.flags &= ~kUnfinishedViewFlag;
 }
 
 // Mean change from the layer below to `layer`, at the records of `layer`, relative to its mean.
@@ -310,12 +362,14 @@ void Baker::bake_deeper() {
   const bool has_base = effects_.scattering || effects_.emission || world_.has_gathered_emitters();
   double last_change = 1;
   for (int layer = has_base ? 0 : 1; layer < top_layer(settings_) && !is_stopped(); ++layer) {
-    everywhere(layer, "bounce " + std::to_string(layer));
+    // Deepest first, each sealed before the next begins.
+    if (!has_records_above(layer)) everywhere(layer, "bounce " + std::to_string(layer));
     ++layers_;
     if (layer < (has_base ? 1 : 2)) continue;
     const double change = change_of(layer);
     if (change < kConverged) {
-      // Successive layers change by an ever smaller amount; the ratio seen last bounds what is left.
+      // Successive layers change by an ever smaller amount; the ratio seen last bounds what is
+      // left.
       const double ratio = std::min(0.99, last_change > 0 ? change / last_change : 0);
       if (layer + 1 < top_layer(settings_)) truncation_bound_ = change * ratio / (1 - ratio);
       break;
@@ -340,6 +394,14 @@ void Baker::bake_top() {
 }
 
 BakeResult Baker::finish() {
+  // What no tile chose again belongs to other views, or to tiles that have not been reached again.
+  if (!unfinished_.empty()) {
+    for (const SurfaceRecord& r : records_)
+      if (r.layer() == top_layer(settings_)) unfinished_.erase(r.key);
+    Records others;
+    for (const auto& [key, r] : unfinished_) others.push_back(r);
+    seal(std::move(others));
+  }
   for (const Worker& w : workers_) stats_.counters += w.counters;
   stats_.records_added = records_.size() - existing_;
   return {cache_, std::move(stats_), truncation_bound_, layers_, stopped_};

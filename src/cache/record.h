@@ -19,7 +19,7 @@ struct SurfaceRecord {
   float radius[2];      // Along the axis and across it; world units.
   float error;          // Estimated standard error of the irradiance's luminance [W/m^2].
   float media_share;    // Part of the luminance that came from the medium, in [0,1].
-  std::uint32_t flags;  // Bits 0-7: layer, 8-15: wave, 16: radius was clamped by a neighbour.
+  std::uint32_t flags;  // Bits 0-7: layer, 8-15: wave, 16: radius clamped by a neighbour, 17: below.
   std::uint64_t key;    // What the record is a pure function of, with the fingerprint.
 
   int layer() const { return static_cast<int>(flags & 0xff); }
@@ -28,6 +28,9 @@ struct SurfaceRecord {
 static_assert(sizeof(SurfaceRecord) == 128 && std::is_trivially_copyable_v<SurfaceRecord>);
 
 inline constexpr std::uint32_t kRadiusClampedFlag = 1u << 16;
+// From a view that was stopped before its last tile: answers like any other, but a bake that resumes
+// decides again whether it is needed, as if it had not been stopped.
+inline constexpr std::uint32_t kUnfinishedViewFlag = 1u << 17;
 inline std::uint32_t record_flags(int layer, int wave) {
   return static_cast<std::uint32_t>(layer & 0xff) | static_cast<std::uint32_t>(wave & 0xff) << 8;
 }
