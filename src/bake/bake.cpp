@@ -253,13 +253,14 @@ void Baker::everywhere(int layer, const std::string& stage) {
   const double coarsest = layer_settings_.max_radius * world_.diagonal();
   const double finest = layer_settings_.min_radius * world_.diagonal();
   const int waves = std::min(
-      kFirstViewWave, static_cast<int>(std::ceil(std::log2(std::max(1.0, coarsest / finest)))) + 1);
+      kFirstViewWave, static_cast<int>(std::ceil(std::log2(std::max(1.0, coarsest / finest)))) + 2);
   for (int wave = next_wave_everywhere(layer); wave < waves && !is_stopped(); ++wave) {
     const double spacing = std::ldexp(coarsest, -wave);
     report(stage, double(wave) / waves);
     const Points open =
         uncovered(surfaces.points(spacing, random_key(settings_.seed, wave)), layer, nullptr);
-    Records fresh = gather_all(thin(open, 0.7 * spacing), layer, wave);
+    Records fresh = gather_all(thin(open, 0.7 * std::max(spacing, finest)), layer, wave);
+    if (stopped_) return;
     clamp_by_neighbours(fresh, layer, nullptr);
     seal(std::move(fresh));
   }
@@ -304,6 +305,7 @@ void Baker::views(int layer) {
           view_points(world_, view, frame, stride, stride < kCoarsestStride), layer, nullptr);
       report("gather", 0.1 * (wave - kFirstViewWave));
       Records fresh = gather_all(open, layer, wave);
+      if (stopped_) return;
       clamp_by_neighbours(fresh, layer, nullptr);
       seal(std::move(fresh));
     }
@@ -323,6 +325,12 @@ void Baker::views(int layer) {
         return;
       }
       baked[i] = bake_tile(view, tiles[i], layer, wave, workers_[slot]);
+      if (request_.stop_requested && request_.stop_requested()) {
+        // Whether this tile was finished cannot be told: it is baked again.
+        baked[i].clear();
+        stop = true;
+        return;
+      }
       if (slot == 0)
         report("gather", 0.3 + 0.7 * double(++done) / double(tiles.size()));
       else

@@ -43,13 +43,24 @@ std::vector<SurfacePoint> SurfacePoints::points(double spacing, std::uint64_t se
   const auto n = static_cast<std::size_t>(
       std::clamp(std::ceil(area() / (spacing * spacing)), 1.0, kMostPoints));
   points.reserve(2 * n);
+  // Inside a triangle an additive recurrence on the plastic number leaves no holes, as chance would.
+  constexpr double kAlpha1 = 0.7548776662466927, kAlpha2 = 0.5698402909980532;
+  std::size_t last = triangle_.size(), inside = 0;
+  Vec2d start(0.0);
   for (std::size_t i = 0; i < n; ++i) {
     RandomStream random(random_key(seed, n, i));
     const double at = (i + random.uniform()) / n * area();
     const auto found = std::upper_bound(cumulative_.begin(), cumulative_.end(), at);
     const std::size_t t = std::min<std::size_t>(found - cumulative_.begin(), cumulative_.size() - 1);
-    const Hit hit =
-        tracer_.point_on(triangle_[t].first, triangle_[t].second, sample_triangle(random.uniform2()));
+    if (t != last) {
+      last = t;
+      inside = 0;
+      start = random.uniform2();
+    }
+    const double u = start.x + kAlpha1 * inside, v = start.y + kAlpha2 * inside;
+    ++inside;
+    const Hit hit = tracer_.point_on(triangle_[t].first, triangle_[t].second,
+                                     sample_triangle({u - std::floor(u), v - std::floor(v)}));
     points.push_back(point_of(hit, true, 0));
     points.push_back(point_of(hit, false, 0));
   }

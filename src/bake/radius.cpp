@@ -11,6 +11,11 @@ HitLight light_below(const IrradianceCache& cache, int layer) {
   if (light.reflect && highest >= 0) {
     light.cache = &cache;
     light.layer = highest;
+    // No record is narrower, so this widens nobody; where nobody answers, it is where widening starts.
+    double narrowest = kInfinity;
+    for (const SurfaceRecord& r : cache.records())
+      if (r.layer() == highest) narrowest = std::min<double>(narrowest, std::min(r.radius[0], r.radius[1]));
+    light.min_radius = narrowest;
   }
   return light;
 }
