@@ -132,12 +132,12 @@ TEST(Bake, StoppedAndResumedGivesTheBytesOfAnUnbrokenBake) {
     const BakeResult whole = smoky().bake(request);
     std::size_t last = 0;
     bool was_stopped_in_tiles = views.empty();
-    for (int n = 0;; n += 3) {
+    for (int n = 0;; n += 7) {
       const BakeResult part = stopped_bake(request, n);
       EXPECT_GE(part.cache->records().size(), last) << "stopped later, and has less";
       last = part.cache->records().size();
       if (!part.is_stopped) {
-        EXPECT_GT(n, 6);
+        EXPECT_GT(n, 7);
         EXPECT_TRUE(same_bytes(*whole.cache, *part.cache));
         break;
       }
@@ -310,13 +310,12 @@ TEST(Bake, ACrackDoesNotExplode) {
   const BakeResult seen = stage.bake(view);
   for (const BakeResult* baked : {&everywhere, &seen}) {
     EXPECT_GT(baked->cache->records().size(), 20u);
-    EXPECT_LT(baked->cache->records().size(), 2 * area / (smallest * smallest));
+    EXPECT_LT(baked->cache->records().size(), 0.1 * area / (smallest * smallest));
     for (const SurfaceRecord& r : baked->cache->records()) {
       ASSERT_GE(r.radius[0], smallest * (1 - 1e-6));
       ASSERT_EQ(record_fault(r), nullptr);
     }
   }
-  std::printf("crack: everywhere %zu seen %zu, area/r2 %.0f\n", everywhere.cache->records().size(), seen.cache->records().size(), area / (smallest * smallest));
 }
 
 }  // namespace

@@ -66,7 +66,11 @@ TEST(Bounces, DirectLightReflectsOnceInTheFirstLayer) {
   Scene scene;
   test::add_room(scene, test::kUnitBox, test::add_material(scene, test::diffuse(0.5f)));
   scene.lights.emplace_back(PointLight{{0.5, 0.5, 0.5}, Rgb(1.0f)});
-  const Stage stage(scene, test::coarse_settings(3));
+  BakeSettings settings = test::coarse_settings(3);
+  settings.gather.cells_theta = 16;
+  settings.gather.cells_phi = 50;
+  settings.min_radius = 0.004;
+  const Stage stage(scene, settings);
   const BakeResult baked = stage.bake_everywhere();
   EXPECT_EQ(baked.layers, 3);
   EXPECT_EQ(irradiance_inside(*baked.cache, 0).count, 0u);
