@@ -1,6 +1,6 @@
-// The cached integrator against the path tracer on the same paths (DESIGN 3): over 16x16-pixel blocks the
-// 95 % interval of the mean relative difference lies within 2 %, its mean within 1 %, and the reference's
-// own standard error is at most 0.5 %.
+// The cached integrator against the path tracer on the same paths (DESIGN 3): over 16x16-pixel
+// blocks the 95 % interval of the mean relative difference lies within 2 %, its mean within 1 %,
+// and the reference's own standard error is at most 0.5 %.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -29,7 +29,7 @@ BakeSettings settings_of(int bounces) {
 
 struct Statistics {
   double mean = 0, half_interval = 0;  // Of relative differences.
-  double reference_error = 0;          // Standard error of the reference's mean over blocks, relative.
+  double reference_error = 0;  // Standard error of the reference's mean over blocks, relative.
   int blocks = 0;
 };
 
@@ -126,15 +126,16 @@ TEST(Equivalence, ExtinctionThatDiffersByColour) {
 
 TEST(Equivalence, MediaThatGlow) {
   Scene scene = test::blocks_in_a_room();
-  Volume ember = test::smoke(RgbD(0.5), RgbD(1.5), 0, {Vec3d(0.3, 0.05, 0.5), Vec3d(0.7, 0.6, 0.9)});
+  Volume ember =
+      test::smoke(RgbD(0.5), RgbD(1.5), 0, {Vec3d(0.3, 0.05, 0.5), Vec3d(0.7, 0.6, 0.9)});
   ember.emission.mode = Emission::Mode::Density;
   ember.emission.scale = 2;
   ember.emission.color = Rgb(1.0f, 0.6f, 0.3f);
   const Box3d corner{Vec3d(0.55, 0.35, 0.1), Vec3d(0.95, 0.8, 0.45)};
   Volume flame = test::smoke(RgbD(0.0), RgbD(2.0), 0, corner);
   flame.emission.mode = Emission::Mode::Blackbody;
-  flame.emission.grid = {test::dense_grid(
-      corner, 9, [&](const Vec3d& p) { return 2200 * test::lump(corner, p); })};
+  flame.emission.grid = {
+      test::dense_grid(corner, 9, [&](const Vec3d& p) { return 2200 * test::lump(corner, p); })};
   // As bright as the other.
   flame.emission.scale = 3 / double(luminance(blackbody_radiance(2000)));
   scene.volumes = {ember, flame};

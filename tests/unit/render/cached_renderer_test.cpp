@@ -13,9 +13,9 @@ namespace {
 using test::Stage;
 
 constexpr Layer kAllLayers[] = {
-    Layer::DiffuseDirect, Layer::DiffuseIndirect, Layer::GlossyDirect,
-    Layer::GlossyIndirect, Layer::VolumeDirect, Layer::VolumeIndirect,
-    Layer::VolumeEmission, Layer::Emission, Layer::Background};
+    Layer::DiffuseDirect,  Layer::DiffuseIndirect, Layer::GlossyDirect,
+    Layer::GlossyIndirect, Layer::VolumeDirect,    Layer::VolumeIndirect,
+    Layer::VolumeEmission, Layer::Emission,        Layer::Background};
 
 CachedRenderOptions options_of(int samples, int threads = 2) {
   CachedRenderOptions options;
@@ -179,27 +179,31 @@ TEST(CachedRenderer, InterpolatesASmoothSceneToAPercent) {
   test::add_rectangle(scene, {-2, 2, 3}, {4, 0, 0}, {0, -4, 0},
                       test::add_material(scene, test::gathered_emitter(2)));
   BakeSettings settings = test::coarse_settings(1);
-  settings.gather.cells_theta = 24;
-  settings.gather.cells_phi = 75;
+  settings.gather.cells_theta = 40;
+  settings.gather.cells_phi = 125;
   settings.error = 0.1;
   settings.max_radius = 0.03;
   const Stage stage(scene, settings);
   BakeView view{"floor", {}, 16, 16};
   view.camera = {{0, -1.5, 1.2}, {0, 0.5, 0}, {0, 0, 1}, 50};
   const BakeResult baked = stage.bake(view);
-  CachedRenderOptions options = options_of(4);
+  CachedRenderOptions options = options_of(2);
   const PixelFilm interpolated = stage.render(*baked.cache, view, options);
   options.gather_everywhere = true;
   Counters counters;
   const PixelFilm gathered = stage.render(*baked.cache, view, options, &counters);
   EXPECT_EQ(counters.cache_queries, 0u);
-  for (int y = 0; y < 16; ++y)
-    for (int x = 0; x < 16; ++x) {
-      const double e = luminance(gathered.at(x, y)[Layer::DiffuseIndirect]);
-      if (e == 0) continue;  // Looks at the glowing wall.
-      EXPECT_NEAR(luminance(interpolated.at(x, y)[Layer::DiffuseIndirect]), e, 0.01 * e)
-          << x << ", " << y;
+  // Both are as noisy as one gather, 0.5 % or so; over 4x4 pixels the difference is
+  // interpolation's.
+  for (int block = 0; block < 16; ++block) {
+    double e = 0, i = 0;
+    for (int k = 0; k < 16; ++k) {
+      const int x = 4 * (block % 4) + k % 4, y = 4 * (block / 4) + k / 4;
+      e += luminance(gathered.at(x, y)[Layer::DiffuseIndirect]) / 16;
+      i += luminance(interpolated.at(x, y)[Layer::DiffuseIndirect]) / 16;
     }
+    EXPECT_NEAR(i, e, 0.01 * e) << "block " << block;
+  }
   EXPECT_GT(luminance(mean_of(gathered, Layer::DiffuseIndirect)), 0);
 }
 
@@ -207,8 +211,7 @@ TEST(CachedRenderer, AWhiteFloorUnderTheSunIsItsClosedForm) {
   Scene scene = floor_scene(0.75f);
   scene.lights.emplace_back(DirectionalLight{Vec3d(1, 0, -2), Rgb(3, 2, 1)});
   const Stage stage(scene, test::coarse_settings(0));
-  const PixelFilm film =
-      stage.render({}, narrow_view({0, 0, 2}, {0.3, 0.1, 0}), options_of(2));
+  const PixelFilm film = stage.render({}, narrow_view({0, 0, 2}, {0.3, 0.1, 0}), options_of(2));
   expect_near(mean_of(film, Layer::DiffuseDirect),
               RgbD(3, 2, 1) * (0.75 / kPi * 2 / std::sqrt(5.0)), 1e-6);
   EXPECT_EQ(film.at(0, 0).alpha, 1);
@@ -221,8 +224,8 @@ TEST(CachedRenderer, AnAbsorberDimsByItsOpticalDepth) {
     Scene scene = floor_scene(0.5f);
     scene.lights.emplace_back(DirectionalLight{Vec3d(0, 0, -1), Rgb(1.0f)});
     if (absorbs)
-      scene.volumes.push_back(test::haze(RgbD(0.0), RgbD(0.2, 0.7, 1.5), 0,
-                                         {Vec3d(-9, -9, 0.5), Vec3d(9, 9, 1.25)}));
+      scene.volumes.push_back(
+          test::haze(RgbD(0.0), RgbD(0.2, 0.7, 1.5), 0, {Vec3d(-9, -9, 0.5), Vec3d(9, 9, 1.25)}));
     const Stage stage(scene, test::coarse_settings(0));
     return stage.render({}, narrow_view({0, 0, 2}, {1.5, 0, 0}), options_of(2));
   };
@@ -244,8 +247,7 @@ TEST(CachedRenderer, HazeAroundAPointLightIsItsQuadrature) {
     scene.volumes.push_back(test::haze(sigma_s, sigma_a, g, {Vec3d(-2), Vec3d(2, 2, 3)}));
     scene.lights.emplace_back(PointLight{lamp, Rgb(5.0f)});
     const Stage stage(scene, test::coarse_settings(0));
-    const PixelFilm film =
-        stage.render({}, narrow_view({0, 0, -4}, {0, 0, 0}, 16), options_of(64));
+    const PixelFilm film = stage.render({}, narrow_view({0, 0, -4}, {0, 0, 0}, 16), options_of(64));
 
     const HenyeyGreenstein phase(static_cast<float>(g));
     RgbD expected;
