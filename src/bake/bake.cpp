@@ -20,7 +20,7 @@ constexpr double kDeeperErrorFactor = 2, kDeeperMinRadiusFactor = 8;
 // A layer that changes the mean irradiance by less than this stands for all above it.
 constexpr double kConverged = 2e-3;
 // Candidates count as covered a little inside a record's edge, where its weight is not yet 0.
-constexpr double kCoveredWithin = 0.9;
+constexpr double kCoveredWithin = 0.8;
 // Waves of a view, by pixel stride: the first are global, the rest stay in their tile. They count
 // from where those over all surfaces never get to, so that each can tell how far its own kind came.
 constexpr int kCoarsestStride = 32, kFinestGlobalStride = 8, kTilePixels = 64;

@@ -52,7 +52,7 @@ void add_integrator_options(CLI::App& app, CommandContext& context, RenderOption
   setting(add_number(app, "--noise", options.noise, 1e-6, 10,
                      "With path: adds samples until the estimated relative error is this small"));
   setting(add_integer(app, "--eye-shells", options.eye_shells, 1, 4096,
-                      "With cached: steps of scattered light along an eye ray (default 32)"));
+                      "With cached: steps of scattered light along an eye ray (default 16)"));
   app.add_flag("--gather-everywhere", options.gather_everywhere,
                "With cached: gather at every sample instead of asking records; slow, and without "
                "interpolation error")

@@ -123,15 +123,15 @@ Scene load_scene_verbosely(const SceneOptions& options, const CommandContext& co
 PresetValues preset_values(Preset preset) {
   switch (preset) {
     case Preset::Draft:
-      return {8, 25, 0.5, 0.005, 0.15, LightDepth::Volumes, 4, 16};
+      return {8, 25, 0.5, 0.005, 0.15, LightDepth::Volumes, 4, 12};
     case Preset::Normal:
       break;
     case Preset::High:
-      return {24, 75, 0.15, 0.001, 0.05, LightDepth::Volumes, 64, 64};
+      return {24, 75, 0.15, 0.001, 0.05, LightDepth::Volumes, 64, 24};
     case Preset::Reference:
-      return {48, 151, 0.08, 0.0005, 0.03, LightDepth::Exact, 256, 128};
+      return {48, 151, 0.08, 0.0005, 0.03, LightDepth::Exact, 256, 32};
   }
-  return {16, 50, 0.25, 0.002, 0.08, LightDepth::Volumes, 16, 32};
+  return {16, 50, 0.25, 0.002, 0.08, LightDepth::Volumes, 16, 16};
 }
 
 BakeSettings AccuracyOptions::bake_settings(const RenderSettings& scene) const {
