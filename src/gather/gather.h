@@ -40,7 +40,7 @@ struct HitLight {
   // Irradiance of the next deeper layer; null: hits reflect direct light only.
   const IrradianceCache* cache = nullptr;
   int layer = 0;
-  double min_radius = 0;  // Records act as if at least this wide, where nobody answers otherwise.
+  double min_radius = 0;  // Records act as if at least this wide.
 };
 
 // Where and how to gather. `offset` clears the surface that the point lies on.

@@ -65,7 +65,7 @@ Lighting::Lighting(const World& world, const LightingOptions& options)
         break;
       case Light::Kind::Quad:
       case Light::Kind::Mesh: {
-        const Box3d box = world.medium().bounds();
+        const Box3d box = table_box();
         for (const Vec3d& c : patch_centres(light, (box.min + box.max) * 0.5)) {
           centres.push_back(c);
           origins.push_back(PointOrigin{c});
@@ -85,6 +85,14 @@ Lighting::Lighting(const World& world, const LightingOptions& options)
     }
   }
   measure_error();
+}
+
+// What tables cover: all grids together. Homogeneous volumes, which may have no end, need none.
+Box3d Lighting::table_box() const {
+  Box3d box;
+  for (std::size_t v = 0; v < boxes_.size(); ++v)
+    if (!world_.medium().volumes()[v].is_homogeneous()) box.extendBy(boxes_[v]);
+  return box;
 }
 
 const Lighting::Table& Lighting::table(int light, const Vec3d& point_on_light) const {
@@ -131,8 +139,8 @@ RgbD Lighting::transmittance(int light, const LightSample& sample, const Vec3d& 
 
 // Of the transmittance that light arrives with, averaged over the light as pictures average it.
 void Lighting::measure_error() {
-  const Box3d box = world_.medium().bounds();
-  if (box.isEmpty()) return;
+  const Box3d box = table_box();
+  if (box.isEmpty() || tables_.empty()) return;
   RandomStream random(random_key(0x6c69676874ULL));
   Counters ignored;
   double sum = 0;

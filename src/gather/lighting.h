@@ -57,6 +57,7 @@ class Lighting {
   };
   const Table& table(int light, const Vec3d& point_on_light) const;
   RgbD exact_depth(const LightSample& sample, const Vec3d& p, Counters& counters) const;
+  Box3d table_box() const;
   void measure_error();
 
   const World& world_;
