@@ -76,7 +76,7 @@ inline constexpr int kMaxBounces = 250;
 HitLight light_below(const IrradianceCache& cache, int layer);
 
 // Split-sphere radius [WRC88] of a gather, both axes alike: accuracy times mean distance, limited by the
-// gradient (|grad E| R <= E/4 along the surface) and to [min_radius, max_radius] of the diagonal.
+// gradient (|grad E| R <= accuracy * E along the surface) and to [min_radius, max_radius] of the diagonal.
 double split_sphere_radius(const GatherResult& gather, const Vec3d& normal,
                            const BakeSettings& settings, double diagonal);
 
