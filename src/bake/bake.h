@@ -24,7 +24,7 @@ struct BakeSettings {
   int bounces = 4;
   int volume_bounces = 1;
   std::uint64_t seed = 1;
-  double error = 0.25;        // Split-sphere accuracy [WRC88]: radius = error * mean distance; smaller is finer.
+  double error = 0.15;        // Split-sphere accuracy [WRC88]: radius = error * mean distance; smaller is finer.
   double min_radius = 0.002;  // Of the scene's diagonal.
   double max_radius = 0.08;   // Of the scene's diagonal.
   LightDepth light_depth = LightDepth::Volumes;

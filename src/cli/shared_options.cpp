@@ -123,15 +123,15 @@ Scene load_scene_verbosely(const SceneOptions& options, const CommandContext& co
 PresetValues preset_values(Preset preset) {
   switch (preset) {
     case Preset::Draft:
-      return {8, 25, 0.5, 0.005, 0.15, LightDepth::Volumes, 4, 12};
+      return {8, 25, 0.4, 0.005, 0.15, LightDepth::Volumes, 4, 12};
     case Preset::Normal:
       break;
     case Preset::High:
-      return {24, 75, 0.15, 0.001, 0.05, LightDepth::Volumes, 64, 24};
+      return {24, 75, 0.1, 0.001, 0.05, LightDepth::Volumes, 64, 24};
     case Preset::Reference:
-      return {48, 151, 0.08, 0.0005, 0.03, LightDepth::Exact, 256, 32};
+      return {48, 151, 0.06, 0.0005, 0.03, LightDepth::Exact, 256, 32};
   }
-  return {16, 50, 0.25, 0.002, 0.08, LightDepth::Volumes, 16, 16};
+  return {16, 50, 0.15, 0.002, 0.08, LightDepth::Volumes, 16, 16};
 }
 
 BakeSettings AccuracyOptions::bake_settings(const RenderSettings& scene) const {
@@ -226,7 +226,7 @@ void add_accuracy_options(CLI::App& app, CommandContext& context, AccuracyOption
       "Of all random numbers (default 1)"));
   setting(add_number(app, "--error", options.error, 0.001, 10,
                      "Split-sphere accuracy: a record's radius over the mean distance of what it "
-                     "sees (default 0.25)"));
+                     "sees (default 0.15)"));
   setting(
       add_number(app, "--min-radius", options.min_radius, 0, 1,
                  "Smallest radius of a record, as a part of the scene's diagonal (default 0.002)"));
