@@ -5,6 +5,7 @@
 #include <functional>
 
 #include "core/random.h"
+#include "support/dense_grid.h"
 
 namespace brume {
 namespace {
@@ -120,24 +121,9 @@ Volume homogeneous(const RgbD& sigma_s, const RgbD& sigma_a, double g = 0,
   return v;
 }
 
-std::shared_ptr<const BrickGrid> grid_of(const Box3d& box, int nodes,
-                                         const std::function<double(const Vec3d&)>& f) {
-  Affine3d to_world;
-  const Vec3d h = (box.max - box.min) / (nodes - 1);
-  for (int a = 0; a < 3; ++a) {
-    to_world.m[a][a] = h[a];
-    to_world.m[a][3] = box.min[a];
-  }
-  std::vector<float> values;
-  for (int z = 0; z < nodes; ++z)
-    for (int y = 0; y < nodes; ++y)
-      for (int x = 0; x < nodes; ++x) values.push_back(float(f(to_world.point(Vec3d(x, y, z)))));
-  return BrickGrid::from_dense(Vec3i(0), Vec3i(nodes), values, to_world);
-}
-
 Volume lumpy(const Box3d& box, const RgbD& sigma_s, const RgbD& sigma_a, double g) {
   Volume v = homogeneous(sigma_s, sigma_a, g);
-  v.density = grid_of(box, 41, [&](const Vec3d& p) {
+  v.density = test::dense_grid(box, 41, [&](const Vec3d& p) {
     const Vec3d q = (p - (box.min + box.max) * 0.5) / (box.max.x - box.min.x);
     const double edge = std::max({std::abs(q.x), std::abs(q.y), std::abs(q.z)});
     return edge > 0.45 ? 0.0 : 1 + std::sin(9 * q.x) * std::sin(11 * q.y + 1) * std::sin(7 * q.z);
@@ -235,7 +221,7 @@ INSTANTIATE_TEST_SUITE_P(NearAndFar, SingleScattering,
 TEST(PathTracer, ChromaticTransmittanceOfOverlappingMediaIsUnbiased) {
   const Box3d box({-1, -1, -1}, {1, 1, 1});
   Volume ramp = homogeneous({0.2, 0.1, 0.0}, {0.3, 0.6, 1.1});
-  ramp.density = grid_of(box, 17, [](const Vec3d& p) { return 1.5 + p.z; });
+  ramp.density = test::dense_grid(box, 17, [](const Vec3d& p) { return 1.5 + p.z; });
   Scene scene;
   scene.volumes = {ramp,
                    homogeneous({0.1, 0.2, 0.3}, {0, 0.1, 0}, 0, Box3d({-2, -2, -2}, {2, 2, 0.5}))};
@@ -257,11 +243,11 @@ TEST(PathTracer, ChromaticTransmittanceOfOverlappingMediaIsUnbiased) {
 TEST(PathTracer, EmissionGridsGlowWithoutDensity) {
   const Box3d box({-1, -1, -1}, {1, 1, 1});
   Volume v = homogeneous(RgbD(0.0), RgbD(0.0));
-  v.density = grid_of(box, 9, [](const Vec3d&) { return 0.0; });
+  v.density = test::dense_grid(box, 9, [](const Vec3d&) { return 0.0; });
   v.emission.mode = Emission::Mode::Grid;
   v.emission.scale = 2;
   v.emission.color = {1, 0.5, 0.25};
-  v.emission.grid = {grid_of(box, 33, [](const Vec3d& p) { return 1 + p.z * p.x; })};
+  v.emission.grid = {test::dense_grid(box, 33, [](const Vec3d& p) { return 1 + p.z * p.x; })};
   Scene scene;
   scene.volumes = {v};
   const World world(scene);
