@@ -6,7 +6,7 @@ namespace brume {
 namespace {
 
 // Bumped whenever the same scene and settings would give other records.
-constexpr int kAlgorithmVersion = 1;
+constexpr int kAlgorithmVersion = 2;
 
 std::string number(double v) {
   char text[40];

@@ -195,6 +195,14 @@ struct Frame {
     u = {1 + s * n.x * n.x * a, s * b, -s * n.x};
     v = {b, s + n.y * n.y * a, -n.y};
   }
+  // The same frame turned by `angle` [rad] about its normal, from u to v.
+  Frame turned(double angle) const {
+    const double c = std::cos(angle), s = std::sin(angle);
+    Frame f = *this;
+    f.u = u * c + v * s;
+    f.v = v * c - u * s;
+    return f;
+  }
   Vec3d to_world(const Vec3d& l) const { return u * l.x + v * l.y + n * l.z; }
   Vec3d to_local(const Vec3d& w) const { return {u.dot(w), v.dot(w), n.dot(w)}; }
 };

@@ -3,7 +3,7 @@
 #include "core/error.h"
 #include "core/random.h"
 #include "core/sampling.h"
-#include "gather/gather_cells.h"
+#include "gather/direction_cells.h"
 #include "gather/medium_source.h"
 #include "gather/surface_light.h"
 #include "vdb_media/ray_marcher.h"
@@ -11,13 +11,17 @@
 namespace brume {
 namespace {
 
-constexpr int kSourceSamples = 8;  // Of each area light, for the source term at the receiver itself.
+// Shells grow from kNearness / (1 + kNearness) of the farthest one's thickness where the point lies
+// inside the medium; infinite would be even ones.
+constexpr double kNearness = 0.3;
+constexpr int kSourceSamples =
+    8;  // Of each area light, for the source term at the receiver itself.
 
 // What pass 1 knows of a cell: the direction, what it hit, and that hit's plane.
 struct Cell {
-  Vec3d w{0.0};        // World space.
+  Vec3d w{0.0};  // World space.
   double s = kInfinity;
-  Vec3d q{0.0};        // Along any direction d the hit plane lies at 1/r = q.d; 0 for a miss.
+  Vec3d q{0.0};  // Along any direction d the hit plane lies at 1/r = q.d; 0 for a miss.
 };
 
 Vec3d perpendicular(const Vec3d& v, const Vec3d& w) { return v - w * v.dot(w); }
@@ -38,17 +42,21 @@ double inverse_wall_distance(const Cell& a, const Cell& b, const Vec3d& wall) {
 
 const char* gradient_mode_name(GradientMode mode) {
   switch (mode) {
-    case GradientMode::None: return "none";
-    case GradientMode::WardHeckbert: return "ward-heckbert";
-    case GradientMode::Media: return "media";
-    case GradientMode::Full: return "full";
+    case GradientMode::None:
+      return "none";
+    case GradientMode::WardHeckbert:
+      return "ward-heckbert";
+    case GradientMode::Media:
+      return "media";
+    case GradientMode::Full:
+      return "full";
   }
   return "none";
 }
 
 GradientMode parse_gradient_mode(const std::string& name) {
-  for (const GradientMode m : {GradientMode::None, GradientMode::WardHeckbert, GradientMode::Media,
-                               GradientMode::Full})
+  for (const GradientMode m :
+       {GradientMode::None, GradientMode::WardHeckbert, GradientMode::Media, GradientMode::Full})
     if (name == gradient_mode_name(m)) return m;
   throw Error(ErrorKind::Usage, "--gradient: '" + printable(name) +
                                     "' is not a mode: use none, ward-heckbert, media or full");
@@ -56,8 +64,14 @@ GradientMode parse_gradient_mode(const std::string& name) {
 
 struct Gatherer::Impl {
   Impl(const Lighting& l, const Effects& e, const GatherOptions& o)
-      : lighting(l), world(l.world()), effects(e), options(o), marcher(world.medium(), march_options()),
-        surfaces(l), medium(l, e) {}
+      : lighting(l),
+        world(l.world()),
+        effects(e),
+        options(o),
+        marcher(world.medium(), march_options()),
+        surfaces(l),
+        medium(l, e),
+        cells(o.cell_count()) {}
 
   MarchOptions march_options() const {
     MarchOptions m = lighting.march();
@@ -69,10 +83,11 @@ struct Gatherer::Impl {
   void trace(const GatherPoint& point, const HitLight& light, Counters& counters);
   void find_walls(bool wanted);
   void choose_shells();
-  void march_cell(int j, int k, GatherResult& result, Counters& counters);
-  void add_surface(int j, int k, GatherResult& result);
+  void draw_jitter(int c);
+  void march_cell(int c, GatherResult& result, Counters& counters);
+  void add_surface(int c, GatherResult& result);
   RgbGradient radial_term(Counters& counters);
-  RgbGradient wall_term(const std::vector<std::array<RgbD, 4>>& phi) const;
+  RgbGradient wall_term() const;
   RgbGradient moving_medium(Counters& counters);
   GradientTerms terms_of(GradientMode mode, Counters& counters);
   double error_estimate() const;
@@ -90,37 +105,35 @@ struct Gatherer::Impl {
   MediumSource medium;
 
   // Of the gather under way, kept for gradient().
-  HemisphereCells cells;
-  Frame frame{Vec3d(0.0, 0.0, 1.0)};
+  DirectionCells cells;
+  Frame frame{Vec3d(0.0, 0.0, 1.0)};  // Turned about the normal at random.
   Vec3d origin{0.0};
   std::uint64_t key = 0;
   RgbD sigma_here;
   std::vector<Cell> cell;
   std::vector<Ray> rays;
   std::vector<Hit> hits;
-  std::vector<RgbD> total;                        // L of a cell.
-  std::vector<std::array<double, 4>> inverse_r;   // Of a cell's walls: theta low, theta high, phi low, phi high.
-  std::vector<std::array<RgbD, 4>> phi;           // Phi of gradients.md 3 at those walls.
-  std::vector<double> boundaries, jitter;
+  std::vector<RgbD> total;        // L of a cell.
+  std::vector<double> inverse_r;  // 1/r at each side of a wall.
+  std::vector<RgbD> phi;          // Phi of gradients.md 3, at each side of a wall.
+  std::vector<double> boundaries, shell_shift, jitter;
   GradientTerms full_terms;
 };
 
 // Pass 1: what each cell sees, and what surfaces send along it.
 void Gatherer::Impl::trace(const GatherPoint& point, const HitLight& light, Counters& counters) {
   RandomStream turn = stream(-1, 0);
-  cells = HemisphereCells(options.cells_theta, options.cells_phi, 2 * kPi * turn.uniform());
-  frame = Frame(point.normal);
+  frame = Frame(point.normal).turned(2 * kPi * turn.uniform());
   origin = point.position + point.normal * point.offset;
   const int n = cells.count();
   cell.assign(n, Cell());
   rays.resize(n);
   hits.resize(n);
-  for (int j = 0; j < cells.theta_count(); ++j)
-    for (int k = 0; k < cells.phi_count(); ++k) {
-      const int c = cells.index(j, k);
-      cell[c].w = frame.to_world(cells.direction(j, k, stream(c, 0).uniform2())).normalized();
-      rays[c] = ray_of(cell[c]);
-    }
+  const Vec2d shift = turn.uniform2();
+  for (int c = 0; c < n; ++c) {
+    cell[c].w = frame.to_world(cells.direction(c, shift)).normalized();
+    rays[c] = ray_of(cell[c]);
+  }
   world.tracer().intersect(rays, hits);
   counters.rays += n;
 
@@ -138,22 +151,12 @@ void Gatherer::Impl::trace(const GatherPoint& point, const HitLight& light, Coun
 }
 
 void Gatherer::Impl::find_walls(bool wanted) {
-  inverse_r.assign(cells.count(), {});
-  phi.assign(cells.count(), {});
+  inverse_r.assign(cells.side_count(), 0);
+  phi.assign(cells.side_count(), RgbD());
   if (!wanted) return;
-  const int m = cells.theta_count(), n = cells.phi_count();
-  for (int j = 0; j < m; ++j)
-    for (int k = 0; k < n; ++k) {
-      const int c = cells.index(j, k);
-      if (j > 0) {
-        const int below = cells.index(j - 1, k);
-        inverse_r[c][0] = inverse_r[below][1] = inverse_wall_distance(
-            cell[c], cell[below], frame.to_world(cells.theta_wall_direction(j, k)));
-      }
-      const int before = cells.index(j, (k + n - 1) % n);
-      inverse_r[c][2] = inverse_r[before][3] = inverse_wall_distance(
-          cell[c], cell[before], frame.to_world(cells.phi_wall_direction(j, k)));
-    }
+  for (const CellWall& wall : cells.walls())
+    inverse_r[wall.low_side] = inverse_r[wall.high_side] =
+        inverse_wall_distance(cell[wall.low], cell[wall.high], frame.to_world(wall.middle));
 }
 
 // Boundaries common to all cells (gradients.md 5), over the part of the medium that rays can reach.
@@ -182,18 +185,35 @@ void Gatherer::Impl::choose_shells() {
     const double voxels = (end - begin) / world.medium().voxel_size();
     count = std::clamp(static_cast<int>(voxels / 2), 24, GatherOptions::kMaxAutomaticShells);
   }
-  for (int i = 0; i <= count; ++i) boundaries.push_back(begin + (end - begin) * i / count);
+  // Even steps of log(t + t0): near ones are thin, because an edge of a light shaft that lies
+  // inside one is taken for its centre, and that matters as 1/t.
+  const double t0 = kNearness * (end - begin), growth = std::log((end + t0) / (begin + t0));
+  for (int i = 0; i < count; ++i)
+    boundaries.push_back(std::max(begin, (begin + t0) * std::exp(growth * i / count) - t0));
+  boundaries.push_back(end);
   jitter.resize(count);
+  shell_shift.resize(count);
+  RandomStream random = stream(-1, 2);
+  for (double& shift : shell_shift) shift = random.uniform();
+}
+
+// Where a cell looks in its shells: each shell by itself evenly, cells one after the other a golden
+// section apart, so that few of them see much of a shell.
+void Gatherer::Impl::draw_jitter(int c) {
+  for (std::size_t i = 0; i < jitter.size(); ++i) {
+    const double u = shell_shift[i] + c * (std::numbers::phi - 1);
+    jitter[i] = u - std::floor(u);
+  }
 }
 
 // Pass 2 for one cell: march it, and add what its shells send.
-void Gatherer::Impl::march_cell(int j, int k, GatherResult& result, Counters& counters) {
-  const int c = cells.index(j, k);
+void Gatherer::Impl::march_cell(int c, GatherResult& result, Counters& counters) {
   const Ray ray = ray_of(cell[c]);
-  const double g = cells.cosine_measure();
+  const DirectionCell& around = cells.cell(c);
+  const double g = around.measure;
   const bool full = options.gradient == GradientMode::Full;
   RandomStream random = stream(c, 2);
-  for (double& u : jitter) u = random.uniform();
+  draw_jitter(c);
   MarchCounters march;
   marcher.march(ray, boundaries, cell[c].s, jitter, full && effects.heterogeneous, march);
   counters.march_rays += march.rays;
@@ -211,8 +231,8 @@ void Gatherer::Impl::march_cell(int j, int k, GatherResult& result, Counters& co
     if (!full || !effects.heterogeneous || !(t > 0)) return b;
     for (std::size_t v = 0; v < volumes.size(); ++v) {
       const int vi = static_cast<int>(v);
-      b += outer(volumes[v].sigma_t(), marcher.grad_integral(vi, shell) -
-                                           marcher.grad_moment(vi, shell) * (1 / t));
+      b += outer(volumes[v].sigma_t(),
+                 marcher.grad_integral(vi, shell) - marcher.grad_moment(vi, shell) * (1 / t));
     }
     return b;
   };
@@ -236,8 +256,8 @@ void Gatherer::Impl::march_cell(int j, int k, GatherResult& result, Counters& co
         result.irradiance_media += f * g;
         result.light_distance += g * luminance(f) * inverse_t;
         if (full) {
-          for (int wall = 0; wall < 4; ++wall)
-            phi[c][wall] += f * std::max(inverse_t, inverse_r[c][wall]);
+          for (int side = around.first_side; side < around.end_side; ++side)
+            phi[side] += f * std::max(inverse_t, inverse_r[side]);
           add_bent(f, (bend + bend_end) * 0.5);
           if (effects.anisotropic) directional += shells[i].directional * inverse_t;
         }
@@ -251,7 +271,8 @@ void Gatherer::Impl::march_cell(int j, int k, GatherResult& result, Counters& co
     result.irradiance_surface += from_surface * g;
     result.light_distance += g * luminance(from_surface) / cell[c].s;
     if (full) {
-      for (int wall = 0; wall < 4; ++wall) phi[c][wall] += from_surface * inverse_r[c][wall];
+      for (int side = around.first_side; side < around.end_side; ++side)
+        phi[side] += from_surface * inverse_r[side];
       add_bent(from_surface, bend_at(n, cell[c].s));
     }
   }
@@ -266,15 +287,16 @@ void Gatherer::Impl::march_cell(int j, int k, GatherResult& result, Counters& co
 }
 
 // The same for a cell without medium.
-void Gatherer::Impl::add_surface(int j, int k, GatherResult& result) {
-  const int c = cells.index(j, k);
+void Gatherer::Impl::add_surface(int c, GatherResult& result) {
   total[c] = surfaces.radiance(c);
   if (is_black(total[c])) return;
-  const double g = cells.cosine_measure();
+  const double g = cells.cell(c).measure;
   result.irradiance_surface += total[c] * g;
   result.light_distance += g * luminance(total[c]) / cell[c].s;
   if (options.gradient != GradientMode::Full) return;
-  for (int wall = 0; wall < 4; ++wall) phi[c][wall] = total[c] * inverse_r[c][wall];
+  const DirectionCell& around = cells.cell(c);
+  for (int side = around.first_side; side < around.end_side; ++side)
+    phi[side] = total[c] * inverse_r[side];
   if (surfaces.has_derivatives())
     result.terms.directional -=
         perpendicular(surfaces.direction_derivative(c), cell[c].w) * (g / cell[c].s);
@@ -286,31 +308,20 @@ RgbGradient Gatherer::Impl::radial_term(Counters& counters) {
   if (is_black(sigma_here) && !effects.emission) return sum;
   RandomStream random = stream(-1, 1);
   const bool per_cell = effects.anisotropic;
-  const RgbD q = per_cell ? RgbD()
-                          : medium.source_at(origin, frame.n, kSourceSamples, random, counters);
-  for (int j = 0; j < cells.theta_count(); ++j)
-    for (int k = 0; k < cells.phi_count(); ++k) {
-      const int c = cells.index(j, k);
-      const Vec3d w = frame.to_world(cells.direction_moment(j, k));
-      const RgbD here = per_cell ? medium.source_at(origin, cell[c].w, 1, random, counters) : q;
-      sum += outer(sigma_here * total[c] - here, w);
-    }
+  const RgbD q =
+      per_cell ? RgbD() : medium.source_at(origin, frame.n, kSourceSamples, random, counters);
+  for (int c = 0; c < cells.count(); ++c) {
+    const RgbD here = per_cell ? medium.source_at(origin, cell[c].w, 1, random, counters) : q;
+    sum += outer(sigma_here * total[c] - here, frame.to_world(cells.cell(c).direction));
+  }
   return sum;
 }
 
 // T2: sum over walls of B (Phi_hi - Phi_lo).
-RgbGradient Gatherer::Impl::wall_term(const std::vector<std::array<RgbD, 4>>& at_walls) const {
+RgbGradient Gatherer::Impl::wall_term() const {
   RgbGradient sum;
-  const int m = cells.theta_count(), n = cells.phi_count();
-  for (int j = 0; j < m; ++j)
-    for (int k = 0; k < n; ++k) {
-      const int c = cells.index(j, k);
-      if (j > 0)
-        sum += outer(at_walls[c][0] - at_walls[cells.index(j - 1, k)][1],
-                     frame.to_world(cells.theta_wall(j, k)));
-      sum += outer(at_walls[c][2] - at_walls[cells.index(j, (k + n - 1) % n)][3],
-                   frame.to_world(cells.phi_wall(j, k)));
-    }
+  for (const CellWall& wall : cells.walls())
+    sum += outer(phi[wall.high_side] - phi[wall.low_side], frame.to_world(wall.moment));
   return sum;
 }
 
@@ -319,70 +330,67 @@ RgbGradient Gatherer::Impl::wall_term(const std::vector<std::array<RgbD, 4>>& at
 RgbGradient Gatherer::Impl::moving_medium(Counters& counters) {
   RgbGradient sum;
   if (!effects.heterogeneous && !effects.scattering) return sum;
-  const double g = cells.cosine_measure();
   const double h = 0.25 * std::min(world.medium().voxel_size(), 4e-3 * world.diagonal());
   const auto& volumes = world.medium().volumes();
-  for (int j = 0; j < cells.theta_count(); ++j)
-    for (int k = 0; k < cells.phi_count(); ++k) {
-      const int c = cells.index(j, k);
-      const Ray ray = ray_of(cell[c]);
-      RandomStream random = stream(c, 2);
-      for (double& u : jitter) u = random.uniform();
-      MarchCounters march;
-      marcher.march(ray, boundaries, cell[c].s, jitter, true, march);
-      const int n = marcher.shell_count();
-      const auto shells = medium.shells(marcher, ray, boundaries, cell[c].s, jitter, random, counters);
-      const auto i0 = [&](int shell) {
-        RgbGradient b;
-        for (std::size_t v = 0; v < volumes.size(); ++v)
-          b += outer(volumes[v].sigma_t(), marcher.grad_integral(static_cast<int>(v), shell));
-        return b;
-      };
-      RgbGradient d;
-      for (int i = 0; i < n; ++i) {
-        const double a = boundaries[i], b = std::min(boundaries[i + 1], cell[c].s);
-        const RgbD f = shells[i].total();
-        const RgbGradient bend = (i0(i) + i0(i + 1)) * 0.5;
-        for (int ch = 0; ch < 3; ++ch) d[ch] -= bend[ch] * f[ch];
-        const Vec3d p = ray.at(a + jitter[i] * (b - a));
-        const RgbD weight = exp_neg((marcher.tau(i) + marcher.tau(i + 1)) * 0.5) * (b - a);
-        const auto add_gradient = [&](auto&& q) {
-          for (int axis = 0; axis < 3; ++axis) {
-            Vec3d e(0.0);
-            e[axis] = h;
-            const RgbD slope = (q(p + e) - q(p - e)) / (2 * h) * weight;
-            for (int ch = 0; ch < 3; ++ch) d[ch][axis] += slope[ch];
-          }
-        };
-        if (effects.emission) add_gradient([&](const Vec3d& y) { return medium.emission_at(y); });
-        if (!effects.scattering) continue;
-        for (std::size_t l = 0; l < world.lights().size(); ++l) {
-          const Vec2d u = random.uniform2();
-          if (world.tracer().is_occluded(shadow_ray(p, world.lights()[l]->sample(p, u)))) continue;
-          add_gradient([&](const Vec3d& y) {
-            return medium.unshadowed(y, cell[c].w, static_cast<int>(l), u, counters);
-          });
+  for (int c = 0; c < cells.count(); ++c) {
+    const Ray ray = ray_of(cell[c]);
+    RandomStream random = stream(c, 2);
+    draw_jitter(c);
+    MarchCounters march;
+    marcher.march(ray, boundaries, cell[c].s, jitter, true, march);
+    const int n = marcher.shell_count();
+    const auto shells =
+        medium.shells(marcher, ray, boundaries, cell[c].s, jitter, random, counters);
+    const auto i0 = [&](int shell) {
+      RgbGradient b;
+      for (std::size_t v = 0; v < volumes.size(); ++v)
+        b += outer(volumes[v].sigma_t(), marcher.grad_integral(static_cast<int>(v), shell));
+      return b;
+    };
+    RgbGradient d;
+    for (int i = 0; i < n; ++i) {
+      const double a = boundaries[i], b = std::min(boundaries[i + 1], cell[c].s);
+      const RgbD f = shells[i].total();
+      const RgbGradient bend = (i0(i) + i0(i + 1)) * 0.5;
+      for (int ch = 0; ch < 3; ++ch) d[ch] -= bend[ch] * f[ch];
+      const Vec3d p = ray.at(a + jitter[i] * (b - a));
+      const RgbD weight = exp_neg((marcher.tau(i) + marcher.tau(i + 1)) * 0.5) * (b - a);
+      const auto add_gradient = [&](auto&& q) {
+        for (int axis = 0; axis < 3; ++axis) {
+          Vec3d e(0.0);
+          e[axis] = h;
+          const RgbD slope = (q(p + e) - q(p - e)) / (2 * h) * weight;
+          for (int ch = 0; ch < 3; ++ch) d[ch][axis] += slope[ch];
         }
+      };
+      if (effects.emission) add_gradient([&](const Vec3d& y) { return medium.emission_at(y); });
+      if (!effects.scattering) continue;
+      for (std::size_t l = 0; l < world.lights().size(); ++l) {
+        const Vec2d u = random.uniform2();
+        if (world.tracer().is_occluded(shadow_ray(p, world.lights()[l]->sample(p, u)))) continue;
+        add_gradient([&](const Vec3d& y) {
+          return medium.unshadowed(y, cell[c].w, static_cast<int>(l), u, counters);
+        });
       }
-      const RgbD from_surface = surfaces.radiance(c) * exp_neg(marcher.tau(n));
-      const RgbGradient bend = i0(n);
-      for (int ch = 0; ch < 3; ++ch) d[ch] -= bend[ch] * from_surface[ch];
-      sum += d * g;
     }
+    const RgbD from_surface = surfaces.radiance(c) * exp_neg(marcher.tau(n));
+    const RgbGradient bend = i0(n);
+    for (int ch = 0; ch < 3; ++ch) d[ch] -= bend[ch] * from_surface[ch];
+    sum += d * cells.cell(c).measure;
+  }
   return sum;
 }
 
-// Neighbours in azimuth differ by noise and by what changes between them; taking all of it for noise
-// errs on the safe side.
+// Neighbours differ by noise and by what changes between them; taking all of it for noise errs on
+// the safe side.
 double Gatherer::Impl::error_estimate() const {
   double sum = 0;
-  const int n = cells.phi_count();
-  for (int j = 0; j < cells.theta_count(); ++j)
-    for (int k = 0; k < n; ++k) {
-      const double d = luminance(total[cells.index(j, k)] - total[cells.index(j, (k + 1) % n)]);
-      sum += d * d / 2;
-    }
-  return cells.cosine_measure() * std::sqrt(sum);
+  for (const CellWall& wall : cells.walls()) {
+    const double d = luminance(total[wall.low] - total[wall.high]) * 0.5 *
+                     (cells.cell(wall.low).measure + cells.cell(wall.high).measure);
+    sum += d * d / 2;
+  }
+  return std::sqrt(sum * cells.count() / double(cells.walls().size()));
 }
 
 GatherResult Gatherer::Impl::gather(const GatherPoint& point, const HitLight& light,
@@ -400,21 +408,18 @@ GatherResult Gatherer::Impl::gather(const GatherPoint& point, const HitLight& li
   result.shells = boundaries.empty() ? 0 : static_cast<int>(boundaries.size()) - 1;
   sigma_here = effects.medium ? world.medium().sigma_t_at(origin) : RgbD();
 
-  const double g = cells.cosine_measure();
   double inverse_distance = 0;
-  for (int j = 0; j < cells.theta_count(); ++j)
-    for (int k = 0; k < cells.phi_count(); ++k) {
-      const int c = cells.index(j, k);
-      if (boundaries.empty())
-        add_surface(j, k, result);
-      else
-        march_cell(j, k, result, counters);
-      result.rotational += outer(total[c], frame.to_world(cells.rotation_moment(j, k)));
-      if (cell[c].s < kInfinity) inverse_distance += g / cell[c].s;
-    }
+  for (int c = 0; c < cells.count(); ++c) {
+    if (boundaries.empty())
+      add_surface(c, result);
+    else
+      march_cell(c, result, counters);
+    result.rotational += outer(total[c], frame.to_world(cells.cell(c).rotation));
+    if (cell[c].s < kInfinity) inverse_distance += cells.cell(c).measure / cell[c].s;
+  }
   result.irradiance = result.irradiance_surface + result.irradiance_media;
   if (full) {
-    result.terms.walls = wall_term(phi);
+    result.terms.walls = wall_term();
     if (!boundaries.empty()) result.terms.radial = radial_term(counters);
     full_terms = result.terms;
   } else {
@@ -423,24 +428,29 @@ GatherResult Gatherer::Impl::gather(const GatherPoint& point, const HitLight& li
   result.error = error_estimate();
   result.mean_distance = inverse_distance > 0 ? kPi / inverse_distance : kInfinity;
   const double light_sum = luminance(result.irradiance);
-  result.light_distance =
-      result.light_distance > 0 ? light_sum / result.light_distance : kInfinity;
+  result.light_distance = result.light_distance > 0 ? light_sum / result.light_distance : kInfinity;
   return result;
 }
 
 GradientTerms Gatherer::Impl::terms_of(GradientMode mode, Counters& counters) {
   GradientTerms terms;
   switch (mode) {
-    case GradientMode::None: break;
-    case GradientMode::Full: terms = full_terms; break;
+    case GradientMode::None:
+      break;
+    case GradientMode::Full:
+      terms = full_terms;
+      break;
     case GradientMode::Media:
       // All of it is the medium's change along the ray.
       if (!boundaries.empty()) terms.grad_sigma = moving_medium(counters);
       break;
     case GradientMode::WardHeckbert:
-      for (int c = 0; c < cells.count(); ++c)
-        for (int wall = 0; wall < 4; ++wall) phi[c][wall] = total[c] * inverse_r[c][wall];
-      terms.walls = wall_term(phi);
+      for (int c = 0; c < cells.count(); ++c) {
+        const DirectionCell& around = cells.cell(c);
+        for (int side = around.first_side; side < around.end_side; ++side)
+          phi[side] = total[c] * inverse_r[side];
+      }
+      terms.walls = wall_term();
   }
   return terms;
 }

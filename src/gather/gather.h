@@ -26,11 +26,12 @@ const char* gradient_mode_name(GradientMode mode);
 GradientMode parse_gradient_mode(const std::string& name);
 
 struct GatherOptions {
-  int cells_theta = 16, cells_phi = 50;
+  int cells_theta = 16, cells_phi = 50;  // Their product counts; how the cells lie: DirectionCells.
   int shells = 0;          // 0: as many as the medium needs, at most kMaxAutomaticShells.
   double step_voxels = 0;  // 0: exact.
   GradientMode gradient = GradientMode::Full;
   static constexpr int kMaxAutomaticShells = 48;
+  int cell_count() const { return cells_theta * cells_phi; }
 };
 
 // What gather rays see where they hit a surface.

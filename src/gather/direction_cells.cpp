@@ -1,0 +1,120 @@
+#include "gather/direction_cells.h"
+
+#include <cstdint>
+
+namespace brume {
+namespace {
+
+constexpr int kCellsAtTheNormal = 3;
+// Cells are max(1, kWideness sin^2 theta) times as wide as they are high: most of what stands on or
+// near the receiver's plane has upright edges, which short walls between wide cells follow best.
+constexpr double kWideness = 3;
+// Powers of the inverse of the real root of x^3 = x + 1 [Rob18].
+constexpr double kLattice1 = 0.7548776662466927, kLattice2 = 0.5698402909980532;
+
+Vec3d spherical(double s, double phi, double c) {
+  return {s * std::cos(phi), s * std::sin(phi), c};
+}
+double cosine(double s2) { return std::sqrt(std::max(0.0, 1 - s2)); }
+double fraction(double x) { return x - std::floor(x); }
+
+// Cells of the ring that begins at sin theta = s, where each has area/pi of the unit disk's.
+int cells_of_ring(double s, double area) {
+  const double height = std::sqrt(area / std::max(1.0, kWideness * s * s));
+  return std::max(kCellsAtTheNormal,
+                  static_cast<int>(std::lround(2 * kPi * (s + height / 2) * height / area)));
+}
+
+}  // namespace
+
+DirectionCells::DirectionCells(int count) {
+  for (int done = 0; done < count;) {
+    const double begin = double(done) / count;
+    int in_ring = cells_of_ring(std::sqrt(begin), kPi / count);
+    // What would be left for a ring of its own is better off in this one.
+    if (2 * (count - done) < 3 * in_ring) in_ring = count - done;
+    rings_.push_back({done, in_ring, begin, double(done + in_ring) / count});
+    ring_of_.insert(ring_of_.end(), in_ring, static_cast<int>(rings_.size()) - 1);
+    done += in_ring;
+  }
+  add_cells();
+  for (std::size_t i = 0; i < rings_.size(); ++i) {
+    add_walls_within(rings_[i]);
+    if (i > 0) add_walls_between(rings_[i - 1], rings_[i]);
+  }
+  number_sides();
+}
+
+void DirectionCells::add_cells() {
+  for (const Ring& ring : rings_) {
+    const double s0 = std::sqrt(ring.s2_begin), s1 = std::sqrt(ring.s2_end);
+    const double c0 = cosine(ring.s2_begin), c1 = cosine(ring.s2_end);
+    const double dphi = 2 * kPi / ring.count, chord = 2 * std::sin(dphi / 2);
+    const double turn = (std::atan2(s1, c1) - s1 * c1) - (std::atan2(s0, c0) - s0 * c0);
+    for (int k = 0; k < ring.count; ++k) {
+      const double centre = (k + 0.5) * dphi;
+      DirectionCell cell;
+      cell.measure = dphi / 2 * (ring.s2_end - ring.s2_begin);
+      cell.direction = spherical(chord * (s1 * s1 * s1 - s0 * s0 * s0) / 3, centre,
+                                 dphi * (c0 * c0 * c0 - c1 * c1 * c1) / 3);
+      cell.rotation = spherical(chord / 2 * turn, centre + kPi / 2, 0);  // n x u.
+      cells_.push_back(cell);
+    }
+  }
+}
+
+void DirectionCells::add_walls_within(const Ring& ring) {
+  const double height = std::sqrt(ring.s2_end) - std::sqrt(ring.s2_begin);
+  const double middle = 0.5 * (ring.s2_begin + ring.s2_end), dphi = 2 * kPi / ring.count;
+  for (int k = 0; k < ring.count; ++k)
+    walls_.push_back({ring.first + (k + ring.count - 1) % ring.count, ring.first + k, 0, 0,
+                      spherical(height, k * dphi + kPi / 2, 0),
+                      spherical(std::sqrt(middle), k * dphi, cosine(middle))});
+}
+
+void DirectionCells::add_walls_between(const Ring& inner, const Ring& outer) {
+  const double s = std::sqrt(outer.s2_begin), c = cosine(outer.s2_begin);
+  double begin = 0;
+  for (std::int64_t i = 0, o = 0; i < inner.count && o < outer.count;) {
+    // Compared as integers: where both rings are cut, both move on.
+    const std::int64_t inner_end = (i + 1) * outer.count, outer_end = (o + 1) * inner.count;
+    const double end = inner_end <= outer_end ? 2 * kPi * double(i + 1) / inner.count
+                                              : 2 * kPi * double(o + 1) / outer.count;
+    const double centre = 0.5 * (begin + end), dphi = end - begin;
+    walls_.push_back({inner.first + static_cast<int>(i), outer.first + static_cast<int>(o), 0, 0,
+                      spherical(2 * std::sin(dphi / 2) * s * c * c, centre, -dphi * s * s * c),
+                      spherical(s, centre, c)});
+    begin = end;
+    i += inner_end <= outer_end;
+    o += outer_end <= inner_end;
+  }
+}
+
+void DirectionCells::number_sides() {
+  std::vector<int> sides(cells_.size());
+  for (const CellWall& wall : walls_) {
+    ++sides[wall.low];
+    ++sides[wall.high];
+  }
+  int next = 0;
+  for (std::size_t c = 0; c < cells_.size(); ++c) {
+    cells_[c].first_side = cells_[c].end_side = next;
+    next += sides[c];
+  }
+  for (CellWall& wall : walls_) {
+    wall.low_side = cells_[wall.low].end_side++;
+    wall.high_side = cells_[wall.high].end_side++;
+  }
+}
+
+Vec3d DirectionCells::direction(int c, const Vec2d& shift) const {
+  const int row = ring_of_[c];
+  const Ring& ring = rings_[row];
+  const int column = c - ring.first;
+  const double up = fraction(shift.x + row * kLattice1 + column * kLattice2);
+  const double along = fraction(shift.y + row * kLattice2 + column * kLattice1);
+  const double s2 = ring.s2_begin + (ring.s2_end - ring.s2_begin) * up;
+  return spherical(std::sqrt(s2), (column + along) * (2 * kPi / ring.count), cosine(s2));
+}
+
+}  // namespace brume
