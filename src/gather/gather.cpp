@@ -24,6 +24,39 @@ struct Cell {
   Vec3d q{0.0};  // Along any direction d the hit plane lies at 1/r = q.d; 0 for a miss.
 };
 
+// Running sums over a cell's shells, so that each wall costs one look-up however many there are.
+class ShellSums {
+ public:
+  void begin(int shells) {
+    centres_.clear();
+    sums_.assign(1, {});
+    centres_.reserve(shells);
+    sums_.reserve(shells + 1);
+  }
+  // The next shell outwards: its light and its centre.
+  void add(const RgbD& light, double centre) {
+    const Sums& s = sums_.back();
+    sums_.push_back({s.light + light, s.over_distance + light * (1 / centre)});
+    centres_.push_back(centre);
+  }
+  RgbD light() const { return sums_.back().light; }
+  RgbD light_over_distance() const { return sums_.back().over_distance; }
+  // sum F_i / min(t_i, r), from 1/r: Phi of gradients.md 3.
+  RgbD over_distance_up_to(double inverse_r) const {
+    if (!(inverse_r > 0)) return sums_.back().over_distance;
+    const auto beyond = std::upper_bound(centres_.begin(), centres_.end(), 1 / inverse_r);
+    const Sums& near = sums_[beyond - centres_.begin()];
+    return near.over_distance + (sums_.back().light - near.light) * inverse_r;
+  }
+
+ private:
+  struct Sums {
+    RgbD light, over_distance;
+  };
+  std::vector<double> centres_;
+  std::vector<Sums> sums_;
+};
+
 Vec3d perpendicular(const Vec3d& v, const Vec3d& w) { return v - w * v.dot(w); }
 RgbGradient perpendicular(const RgbGradient& g, const Vec3d& w) {
   return {perpendicular(g.r, w), perpendicular(g.g, w), perpendicular(g.b, w)};
@@ -70,8 +103,12 @@ struct Gatherer::Impl {
         options(o),
         marcher(world.medium(), march_options()),
         surfaces(l),
-        medium(l, e),
-        cells(o.cell_count()) {}
+        medium(l, e, o.gradient == GradientMode::Full),
+        cells(o.cell_count()) {
+    const auto& volumes = world.medium().volumes();
+    for (std::size_t v = 0; v < volumes.size(); ++v)
+      if (!volumes[v].is_homogeneous()) heterogeneous.push_back(static_cast<int>(v));
+  }
 
   MarchOptions march_options() const {
     MarchOptions m = lighting.march();
@@ -86,6 +123,7 @@ struct Gatherer::Impl {
   void draw_jitter(int c);
   void march_cell(int c, GatherResult& result, Counters& counters);
   void add_surface(int c, GatherResult& result);
+  Vec3d bend_integral(int volume, int shell, double t) const;
   RgbGradient radial_term(Counters& counters);
   RgbGradient wall_term() const;
   RgbGradient moving_medium(Counters& counters);
@@ -117,6 +155,8 @@ struct Gatherer::Impl {
   std::vector<double> inverse_r;  // 1/r at each side of a wall.
   std::vector<RgbD> phi;          // Phi of gradients.md 3, at each side of a wall.
   std::vector<double> boundaries, shell_shift, jitter;
+  ShellSums shell_sums;
+  std::vector<int> heterogeneous;  // Volumes that are grids.
   GradientTerms full_terms;
 };
 
@@ -222,68 +262,54 @@ void Gatherer::Impl::march_cell(int c, GatherResult& result, Counters& counters)
   const RgbD reaching = exp_neg(marcher.tau(n));
   const RgbD from_surface = surfaces.radiance(c) * reaching;
   total[c] = from_surface;
-  const auto& volumes = world.medium().volumes();
-
-  // sum over volumes of sigma_t (I0 - I1/t), the grad-sigma integral of a ray that ends at t.
-  RgbGradient bend;
-  const auto bend_at = [&](int shell, double t) {
-    RgbGradient b;
-    if (!full || !effects.heterogeneous || !(t > 0)) return b;
-    for (std::size_t v = 0; v < volumes.size(); ++v) {
-      const int vi = static_cast<int>(v);
-      b += outer(volumes[v].sigma_t(),
-                 marcher.grad_integral(vi, shell) - marcher.grad_moment(vi, shell) * (1 / t));
-    }
-    return b;
-  };
-  RgbGradient bent;  // sum of F_i times bend.
-  const auto add_bent = [&](const RgbD& light, const RgbGradient& b) {
-    for (int ch = 0; ch < 3; ++ch) bent[ch] += b[ch] * light[ch];
+  RgbGradient bent;  // Sum of F_i times the grad-sigma integral of a ray that ends in shell i.
+  const auto add_bent = [&](const RgbD& light, std::size_t volume, const Vec3d& integral) {
+    const RgbD k = light * world.medium().volumes()[volume].sigma_t();
+    for (int ch = 0; ch < 3; ++ch) bent[ch] += integral * k[ch];
   };
 
+  shell_sums.begin(n);
   if (effects.scattering || effects.emission) {
     const auto& shells =
         medium.shells(marcher, ray, boundaries, cell[c].s, jitter, random, counters);
     RgbGradient directional;
-    bend = bend_at(0, boundaries.front());
     for (int i = 0; i < n; ++i) {
-      const double a = boundaries[i], b = std::min(boundaries[i + 1], cell[c].s);
-      const RgbGradient bend_end = bend_at(i + 1, b);
       const RgbD f = shells[i].total();
-      if (!is_black(f)) {
-        const double inverse_t = 2 / (a + b);
-        total[c] += f;
-        result.irradiance_media += f * g;
-        result.light_distance += g * luminance(f) * inverse_t;
-        if (full) {
-          for (int side = around.first_side; side < around.end_side; ++side)
-            phi[side] += f * std::max(inverse_t, inverse_r[side]);
-          add_bent(f, (bend + bend_end) * 0.5);
-          if (effects.anisotropic) directional += shells[i].directional * inverse_t;
-        }
-      }
-      bend = bend_end;
+      const double a = boundaries[i], b = std::min(boundaries[i + 1], cell[c].s);
+      shell_sums.add(f, 0.5 * (a + b));
+      if (!full || is_black(f)) continue;
+      for (const int v : heterogeneous)
+        add_bent(f, v, (bend_integral(v, i, a) + bend_integral(v, i + 1, b)) * 0.5);
+      if (effects.anisotropic) directional += shells[i].directional * (2 / (a + b));
     }
+    const RgbD from_shells = shell_sums.light();
+    total[c] += from_shells;
+    result.irradiance_media += from_shells * g;
+    result.light_distance += g * luminance(shell_sums.light_over_distance());
     if (full && effects.anisotropic)
       result.terms.directional += perpendicular(directional, cell[c].w) * g;
   }
   if (!is_black(from_surface)) {
     result.irradiance_surface += from_surface * g;
     result.light_distance += g * luminance(from_surface) / cell[c].s;
-    if (full) {
-      for (int side = around.first_side; side < around.end_side; ++side)
-        phi[side] += from_surface * inverse_r[side];
-      add_bent(from_surface, bend_at(n, cell[c].s));
-    }
   }
-  if (full) {
-    result.terms.grad_sigma -= perpendicular(bent, cell[c].w) * g;
-    if (surfaces.has_derivatives()) {
-      RgbGradient d = surfaces.direction_derivative(c);
-      for (int ch = 0; ch < 3; ++ch) d[ch] *= reaching[ch] / cell[c].s;
-      result.terms.directional -= perpendicular(d, cell[c].w) * g;
-    }
+  if (!full || is_black(total[c])) return;
+  for (int side = around.first_side; side < around.end_side; ++side)
+    phi[side] = shell_sums.over_distance_up_to(inverse_r[side]) + from_surface * inverse_r[side];
+  for (const int v : heterogeneous)
+    if (!is_black(from_surface)) add_bent(from_surface, v, bend_integral(v, n, cell[c].s));
+  result.terms.grad_sigma -= perpendicular(bent, cell[c].w) * g;
+  if (surfaces.has_derivatives()) {
+    RgbGradient d = surfaces.direction_derivative(c);
+    for (int ch = 0; ch < 3; ++ch) d[ch] *= reaching[ch] / cell[c].s;
+    result.terms.directional -= perpendicular(d, cell[c].w) * g;
   }
+}
+
+// I0 - I1/t of a volume's density, for a ray that ends where `shell` begins.
+Vec3d Gatherer::Impl::bend_integral(int volume, int shell, double t) const {
+  if (!(t > 0)) return Vec3d(0.0);
+  return marcher.grad_integral(volume, shell) - marcher.grad_moment(volume, shell) * (1 / t);
 }
 
 // The same for a cell without medium.
@@ -307,13 +333,10 @@ RgbGradient Gatherer::Impl::radial_term(Counters& counters) {
   RgbGradient sum;
   if (is_black(sigma_here) && !effects.emission) return sum;
   RandomStream random = stream(-1, 1);
-  const bool per_cell = effects.anisotropic;
-  const RgbD q =
-      per_cell ? RgbD() : medium.source_at(origin, frame.n, kSourceSamples, random, counters);
-  for (int c = 0; c < cells.count(); ++c) {
-    const RgbD here = per_cell ? medium.source_at(origin, cell[c].w, 1, random, counters) : q;
-    sum += outer(sigma_here * total[c] - here, frame.to_world(cells.cell(c).direction));
-  }
+  const SourceAtPoint source = medium.source_at(origin, kSourceSamples, random, counters);
+  for (int c = 0; c < cells.count(); ++c)
+    sum += outer(sigma_here * total[c] - source.towards(-cell[c].w),
+                 frame.to_world(cells.cell(c).direction));
   return sum;
 }
 

@@ -3,7 +3,8 @@
 namespace brume {
 namespace {
 
-// Distances along a ray in proportion to 1/d^2 from a point near it (equi-angular, gradients.md 7.5).
+// Distances along a ray in proportion to 1/d^2 from a point near it (equi-angular,
+// gradients.md 7.5).
 struct EquiAngular {
   double t0, height, angle_begin, angle_end;
 
@@ -29,11 +30,17 @@ double distance_to_segment(const Ray& ray, const Vec3d& point, double a, double 
 
 }  // namespace
 
-MediumSource::MediumSource(const Lighting& lighting, const Effects& effects)
-    : lighting_(lighting), effects_(effects) {}
+RgbD SourceAtPoint::towards(const Vec3d& direction) const {
+  RgbD sum = even_;
+  for (const Incident& i : lobes_) sum += i.strength * i.phase.eval(i.travel, direction);
+  return sum;
+}
 
-// Where volumes overlap one of them is chosen by how much it scatters, so that light is asked for once a
-// shell however many volumes there are.
+MediumSource::MediumSource(const Lighting& lighting, const Effects& effects, bool directional)
+    : lighting_(lighting), effects_(effects), directional_(directional) {}
+
+// Where volumes overlap one of them is chosen by how much it scatters, so that light is asked for
+// once a shell however many volumes there are.
 void MediumSource::add_scattering(const ShellMarcher& marcher, int shell, const Ray& ray, double a,
                                   double b, double jitter, const RgbD& dimming,
                                   RandomStream& random) {
@@ -59,14 +66,14 @@ void MediumSource::add_scattering(const ShellMarcher& marcher, int shell, const 
   const Volume& volume = volumes[chosen];
   const ShellDensity& density = marcher.shell(v, shell);
   const Vec3d drawn = ray.at(density.t_sample);
-  const RgbD drawn_strength =
-      dimming * volume.sigma_s_at(drawn) * (density.integral / share);
+  const RgbD drawn_strength = dimming * volume.sigma_s_at(drawn) * (density.integral / share);
   for (std::size_t l = 0; l < world.lights().size(); ++l) {
     const Light& light = *world.lights()[l];
     const Vec2d u = random.uniform2();
     Vec3d p = drawn;
     RgbD strength = drawn_strength;
-    // Close to a point light the 1/d^2 decides where the light comes from, elsewhere the density does.
+    // Close to a point light the 1/d^2 decides where the light comes from, elsewhere the density
+    // does.
     if ((light.kind() == Light::Kind::Point || light.kind() == Light::Kind::Spot) &&
         distance_to_segment(ray, light.centre(), a, b) < b - a) {
       const EquiAngular near(ray, light.centre(), a, b);
@@ -76,8 +83,7 @@ void MediumSource::add_scattering(const ShellMarcher& marcher, int shell, const 
     }
     const LightSample sample = light.sample(p, u);
     if (is_black(sample.weight) || is_black(strength)) continue;
-    pending_.push_back(
-        {shell, static_cast<int>(l), v, sample, p, strength * sample.weight});
+    pending_.push_back({shell, static_cast<int>(l), v, sample, p, strength * sample.weight});
   }
 }
 
@@ -94,7 +100,8 @@ const std::vector<ShellLight>& MediumSource::shells(const ShellMarcher& marcher,
     const RgbD tau = marcher.tau(i), depth = marcher.tau(i + 1) - tau;
     // exp(-tau) (1 - exp(-depth)) / depth: exact for a source in proportion to density.
     const RgbD dimming = RgbD(one_minus_exp_over(depth.r), one_minus_exp_over(depth.g),
-                              one_minus_exp_over(depth.b)) * exp_neg(tau);
+                              one_minus_exp_over(depth.b)) *
+                         exp_neg(tau);
     if (effects_.scattering) add_scattering(marcher, i, ray, a, b, jitter[i], dimming, random);
     for (std::size_t v = 0; v < volumes.size(); ++v) {
       const Volume& volume = volumes[v];
@@ -102,11 +109,13 @@ const std::vector<ShellLight>& MediumSource::shells(const ShellMarcher& marcher,
       if (!volume.emits()) continue;
       if (volume.emission.mode == Emission::Mode::Grid) {
         // Fire without smoke glows too: drawn evenly, not by density.
-        shells_[i].emitted += dimming * volume.emission_at(ray.at(a + jitter[i] * (b - a))) * (b - a);
+        shells_[i].emitted +=
+            dimming * volume.emission_at(ray.at(a + jitter[i] * (b - a))) * (b - a);
       } else if (density.integral > 0) {
         const Vec3d p = ray.at(density.t_sample);
         const double rho = volume.density_at(p);
-        if (rho > 0) shells_[i].emitted += dimming * volume.emission_at(p) * (density.integral / rho);
+        if (rho > 0)
+          shells_[i].emitted += dimming * volume.emission_at(p) * (density.integral / rho);
       }
     }
   }
@@ -121,13 +130,14 @@ const std::vector<ShellLight>& MediumSource::shells(const ShellMarcher& marcher,
   for (std::size_t i = 0; i < pending_.size(); ++i) {
     if (occluded_[i]) continue;
     const Pending& p = pending_[i];
-    const RgbD light = p.strength * lighting_.transmittance(p.light, p.sample, p.position, counters);
+    const RgbD light =
+        p.strength * lighting_.transmittance(p.light, p.sample, p.position, counters);
     const HenyeyGreenstein& phase = volumes[p.volume].phase;
     const Vec3d travel = -p.sample.direction;
-    shells_[p.shell].scattered += light * phase.eval(travel, towards_receiver);
-    if (!phase.is_isotropic())
-      shells_[p.shell].directional +=
-          outer(light * phase.derivative(travel, towards_receiver), travel);
+    const PhaseValue value = phase.eval_with_derivative(travel, towards_receiver);
+    shells_[p.shell].scattered += light * value.p;
+    if (directional_ && !phase.is_isotropic())
+      shells_[p.shell].directional += outer(light * value.derivative, travel);
   }
   return shells_;
 }
@@ -152,23 +162,34 @@ RgbD MediumSource::emission_at(const Vec3d& p) const {
   return sum;
 }
 
-RgbD MediumSource::source_at(const Vec3d& p, const Vec3d& w, int samples, RandomStream& random,
-                             Counters& counters) const {
+SourceAtPoint MediumSource::source_at(const Vec3d& p, int samples, RandomStream& random,
+                                      Counters& counters) const {
   const World& world = lighting_.world();
-  RgbD sum = emission_at(p);
-  if (!effects_.scattering) return sum;
+  SourceAtPoint source;
+  source.even_ = emission_at(p);
+  if (!effects_.scattering) return source;
   for (std::size_t l = 0; l < world.lights().size(); ++l) {
     const Light& light = *world.lights()[l];
     const int n = light.is_delta() ? 1 : samples;
     for (int i = 0; i < n; ++i) {
-      const Vec2d u = random.uniform2();
-      const RgbD q = unshadowed(p, w, static_cast<int>(l), u, counters);
-      if (is_black(q)) continue;
+      const LightSample s = light.sample(p, random.uniform2());
+      if (is_black(s.weight)) continue;
       ++counters.medium_shadow_rays;
-      if (!world.tracer().is_occluded(shadow_ray(p, light.sample(p, u)))) sum += q / double(n);
+      if (world.tracer().is_occluded(shadow_ray(p, s))) continue;
+      const RgbD incident =
+          s.weight * lighting_.transmittance(static_cast<int>(l), s, p, counters) / double(n);
+      for (const Volume& v : world.medium().volumes()) {
+        if (!v.scatters()) continue;
+        const RgbD scattered = incident * v.sigma_s_at(p) * v.density_at(p);
+        if (is_black(scattered)) continue;
+        if (v.phase.is_isotropic())
+          source.even_ += scattered * (0.25 * kInvPi);
+        else
+          source.lobes_.push_back({v.phase, -s.direction, scattered});
+      }
     }
   }
-  return sum;
+  return source;
 }
 
 }  // namespace brume

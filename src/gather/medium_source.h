@@ -15,15 +15,33 @@ namespace brume {
 struct ShellLight {
   RgbD scattered, emitted;
   // sum of (dp/dc / p) * scattered * e over samples, e the way the light travels: the directional term
-  // before its 1/t (gradients.md 3, T4). Only for anisotropic media.
+  // before its 1/t (gradients.md 3, T4). Only where asked for, and for anisotropic media.
   RgbGradient directional;
   RgbD total() const { return scattered + emitted; }
+};
+
+// Q(p, .) per length at one point, in all directions [W/(m^2 sr) per world unit].
+class SourceAtPoint {
+ public:
+  // What leaves towards `direction`.
+  RgbD towards(const Vec3d& direction) const;
+
+ private:
+  friend class MediumSource;
+  struct Incident {
+    HenyeyGreenstein phase;
+    Vec3d travel;   // The way the light travels.
+    RgbD strength;  // Scattered per length, before the phase function.
+  };
+  RgbD even_;  // Emission and what scatters isotropically.
+  std::vector<Incident> lobes_;
 };
 
 // Source terms along a marched ray. Scratch memory of one thread.
 class MediumSource {
  public:
-  MediumSource(const Lighting& lighting, const Effects& effects);
+  // Without `directional` its terms are left at 0, and cost nothing.
+  MediumSource(const Lighting& lighting, const Effects& effects, bool directional = false);
 
   // Light from each shell of `marcher`, which has just marched `ray` through `boundaries` up to t_end.
   // `random` gives area lights their points; visibility is traced in packets.
@@ -32,11 +50,11 @@ class MediumSource {
                                         std::span<const double> jitter, RandomStream& random,
                                         Counters& counters);
 
-  // Q(p, w) per length that leaves p against w (towards a receiver that looks along w), area lights with
-  // `samples` points. Visibility is traced.
-  RgbD source_at(const Vec3d& p, const Vec3d& w, int samples, RandomStream& random,
-                 Counters& counters) const;
-  // One light's part of it for light sample position u, as if nothing were in the way.
+  // Area lights with `samples` points. Visibility is traced.
+  SourceAtPoint source_at(const Vec3d& p, int samples, RandomStream& random,
+                          Counters& counters) const;
+  // What one light, at light sample position u, makes leave p towards a receiver that looks along w, as if
+  // nothing were in the way.
   RgbD unshadowed(const Vec3d& p, const Vec3d& w, int light, const Vec2d& u,
                   Counters& counters) const;
   RgbD emission_at(const Vec3d& p) const;
@@ -53,6 +71,7 @@ class MediumSource {
 
   const Lighting& lighting_;
   Effects effects_;
+  bool directional_;
   std::vector<ShellLight> shells_;
   std::vector<Pending> pending_;
   std::vector<double> chances_;  // Running sums over volumes, for choosing one.

@@ -28,9 +28,10 @@ double HenyeyGreenstein::eval(const Vec3d& in, const Vec3d& out) const {
   return (1 - g_) * (1 + g_) / (4 * kPi * d * std::sqrt(d));
 }
 
-double HenyeyGreenstein::derivative(const Vec3d& in, const Vec3d& out) const {
+PhaseValue HenyeyGreenstein::eval_with_derivative(const Vec3d& in, const Vec3d& out) const {
   const double d = denominator(g_, in, out);
-  return 3 * g_ * (1 - g_) * (1 + g_) / (4 * kPi * d * d * std::sqrt(d));
+  const double p = (1 - g_) * (1 + g_) / (4 * kPi * d * std::sqrt(d));
+  return {p, 3 * g_ * p / d};
 }
 
 PhaseSample HenyeyGreenstein::sample(const Vec3d& in, const Vec2d& u) const {

@@ -82,7 +82,7 @@ TEST_P(HenyeyGreensteinTest, DerivativeIsThatOfEval) {
     const auto p = [&](double at) { return phase_.eval(in_, at_angle(in_, at, side)); };
     // cos = side (1 - w).
     const double difference = -side * (p(w + h) - p(w - h)) / (2 * h);
-    EXPECT_NEAR(phase_.derivative(in_, at_angle(in_, w, side)), difference,
+    EXPECT_NEAR(phase_.eval_with_derivative(in_, at_angle(in_, w, side)).derivative, difference,
                 1e-6 * std::abs(difference) + 1e-8);
   }
 }
@@ -121,7 +121,7 @@ TEST(HenyeyGreenstein, IsotropicIsUniform) {
   const HenyeyGreenstein phase;
   EXPECT_TRUE(phase.is_isotropic());
   EXPECT_DOUBLE_EQ(phase.eval(Vec3d(0, 0, 1), Vec3d(0, 1, 0)), 1 / (4 * kPi));
-  EXPECT_EQ(phase.derivative(Vec3d(0, 0, 1), Vec3d(0, 1, 0)), 0);
+  EXPECT_EQ(phase.eval_with_derivative(Vec3d(0, 0, 1), Vec3d(0, 1, 0)).derivative, 0);
 }
 
 TEST(HenyeyGreenstein, EndsOfTheSquareAreFinite) {

@@ -13,6 +13,11 @@ struct PhaseSample {
   double pdf = 0;        // [1/sr]
 };
 
+struct PhaseValue {
+  double p = 0;           // [1/sr]
+  double derivative = 0;  // dp / d cos.
+};
+
 // The one-parameter model of [HG41]. `g` is the mean cosine of the scattering angle: backward for
 // g < 0, isotropic at 0, forward for g > 0. Accurate to 4e-7 up to |g| = 0.99999 (HARD_CASES 4.2),
 // because it takes both directions and uses 1 - cos = |in - out|^2 / 2.
@@ -26,8 +31,8 @@ class HenyeyGreenstein {
 
   // p = (1 - g^2) / (4 pi (1 + g^2 - 2 g cos)^(3/2))  [1/sr]
   double eval(const Vec3d& in, const Vec3d& out) const;
-  // Derivative of eval by the cosine between `in` and `out`.
-  double derivative(const Vec3d& in, const Vec3d& out) const;
+  // The same with its derivative by the cosine between `in` and `out`, at the cost of a division.
+  PhaseValue eval_with_derivative(const Vec3d& in, const Vec3d& out) const;
   // Draws from p exactly, so pdf == eval(in, direction).
   PhaseSample sample(const Vec3d& in, const Vec2d& u) const;
 
