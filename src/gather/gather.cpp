@@ -24,28 +24,45 @@ struct Cell {
   Vec3d q{0.0};  // Along any direction d the hit plane lies at 1/r = q.d; 0 for a miss.
 };
 
+// Of one cell and one grid: the sum of F_i times the density's gradient integral for a ray that
+// ends in shell i, in the grid's index space.
+struct Bend {
+  int volume = 0;
+  RgbGradient sum;
+
+  void add(const RgbD& light, const Vec3d& integral) { sum += outer(light, integral); }
+  // As an integral of grad sigma_t in world space.
+  RgbGradient in_world(const Volume& v) const {
+    const RgbD sigma_t = v.sigma_t();
+    RgbGradient world;
+    for (int ch = 0; ch < 3; ++ch)
+      world[ch] = v.density->world_to_index().transposed_vector(sum[ch]) * sigma_t[ch];
+    return world;
+  }
+};
+
 // Running sums over a cell's shells, so that each wall costs one look-up however many there are.
 class ShellSums {
  public:
   void begin(int shells) {
-    centres_.clear();
+    inverse_t_.clear();
     sums_.assign(1, {});
-    centres_.reserve(shells);
+    inverse_t_.reserve(shells);
     sums_.reserve(shells + 1);
   }
-  // The next shell outwards: its light and its centre.
-  void add(const RgbD& light, double centre) {
+  // The next shell outwards: its light and 1/t of its centre.
+  void add(const RgbD& light, double inverse_t) {
     const Sums& s = sums_.back();
-    sums_.push_back({s.light + light, s.over_distance + light * (1 / centre)});
-    centres_.push_back(centre);
+    sums_.push_back({s.light + light, s.over_distance + light * inverse_t});
+    inverse_t_.push_back(inverse_t);
   }
   RgbD light() const { return sums_.back().light; }
   RgbD light_over_distance() const { return sums_.back().over_distance; }
   // sum F_i / min(t_i, r), from 1/r: Phi of gradients.md 3.
   RgbD over_distance_up_to(double inverse_r) const {
-    if (!(inverse_r > 0)) return sums_.back().over_distance;
-    const auto beyond = std::upper_bound(centres_.begin(), centres_.end(), 1 / inverse_r);
-    const Sums& near = sums_[beyond - centres_.begin()];
+    const auto beyond =
+        std::lower_bound(inverse_t_.begin(), inverse_t_.end(), inverse_r, std::greater<>());
+    const Sums& near = sums_[beyond - inverse_t_.begin()];
     return near.over_distance + (sums_.back().light - near.light) * inverse_r;
   }
 
@@ -53,7 +70,7 @@ class ShellSums {
   struct Sums {
     RgbD light, over_distance;
   };
-  std::vector<double> centres_;
+  std::vector<double> inverse_t_;  // Descending.
   std::vector<Sums> sums_;
 };
 
@@ -107,7 +124,7 @@ struct Gatherer::Impl {
         cells(o.cell_count()) {
     const auto& volumes = world.medium().volumes();
     for (std::size_t v = 0; v < volumes.size(); ++v)
-      if (!volumes[v].is_homogeneous()) heterogeneous.push_back(static_cast<int>(v));
+      if (!volumes[v].is_homogeneous()) bends.push_back({static_cast<int>(v), {}});
   }
 
   MarchOptions march_options() const {
@@ -123,7 +140,7 @@ struct Gatherer::Impl {
   void draw_jitter(int c);
   void march_cell(int c, GatherResult& result, Counters& counters);
   void add_surface(int c, GatherResult& result);
-  Vec3d bend_integral(int volume, int shell, double t) const;
+  Vec3d bend_integral(int volume, int shell, double inverse_t) const;
   RgbGradient radial_term(Counters& counters);
   RgbGradient wall_term() const;
   RgbGradient moving_medium(Counters& counters);
@@ -156,7 +173,7 @@ struct Gatherer::Impl {
   std::vector<RgbD> phi;          // Phi of gradients.md 3, at each side of a wall.
   std::vector<double> boundaries, shell_shift, jitter;
   ShellSums shell_sums;
-  std::vector<int> heterogeneous;  // Volumes that are grids.
+  std::vector<Bend> bends;  // Of volumes that are grids.
   GradientTerms full_terms;
 };
 
@@ -262,11 +279,6 @@ void Gatherer::Impl::march_cell(int c, GatherResult& result, Counters& counters)
   const RgbD reaching = exp_neg(marcher.tau(n));
   const RgbD from_surface = surfaces.radiance(c) * reaching;
   total[c] = from_surface;
-  RgbGradient bent;  // Sum of F_i times the grad-sigma integral of a ray that ends in shell i.
-  const auto add_bent = [&](const RgbD& light, std::size_t volume, const Vec3d& integral) {
-    const RgbD k = light * world.medium().volumes()[volume].sigma_t();
-    for (int ch = 0; ch < 3; ++ch) bent[ch] += integral * k[ch];
-  };
 
   shell_sums.begin(n);
   if (effects.scattering || effects.emission) {
@@ -275,12 +287,13 @@ void Gatherer::Impl::march_cell(int c, GatherResult& result, Counters& counters)
     RgbGradient directional;
     for (int i = 0; i < n; ++i) {
       const RgbD f = shells[i].total();
-      const double a = boundaries[i], b = std::min(boundaries[i + 1], cell[c].s);
-      shell_sums.add(f, 0.5 * (a + b));
+      const double inverse_t = 2 / (boundaries[i] + std::min(boundaries[i + 1], cell[c].s));
+      shell_sums.add(f, inverse_t);
       if (!full || is_black(f)) continue;
-      for (const int v : heterogeneous)
-        add_bent(f, v, (bend_integral(v, i, a) + bend_integral(v, i + 1, b)) * 0.5);
-      if (effects.anisotropic) directional += shells[i].directional * (2 / (a + b));
+      for (Bend& bend : bends)
+        bend.add(f * 0.5, bend_integral(bend.volume, i, inverse_t) +
+                              bend_integral(bend.volume, i + 1, inverse_t));
+      if (effects.anisotropic) directional += shells[i].directional * inverse_t;
     }
     const RgbD from_shells = shell_sums.light();
     total[c] += from_shells;
@@ -296,9 +309,13 @@ void Gatherer::Impl::march_cell(int c, GatherResult& result, Counters& counters)
   if (!full || is_black(total[c])) return;
   for (int side = around.first_side; side < around.end_side; ++side)
     phi[side] = shell_sums.over_distance_up_to(inverse_r[side]) + from_surface * inverse_r[side];
-  for (const int v : heterogeneous)
-    if (!is_black(from_surface)) add_bent(from_surface, v, bend_integral(v, n, cell[c].s));
-  result.terms.grad_sigma -= perpendicular(bent, cell[c].w) * g;
+  for (Bend& bend : bends) {
+    if (!is_black(from_surface))
+      bend.add(from_surface, bend_integral(bend.volume, n, 1 / cell[c].s));
+    result.terms.grad_sigma -=
+        perpendicular(bend.in_world(world.medium().volumes()[bend.volume]), cell[c].w) * g;
+    bend.sum = {};
+  }
   if (surfaces.has_derivatives()) {
     RgbGradient d = surfaces.direction_derivative(c);
     for (int ch = 0; ch < 3; ++ch) d[ch] *= reaching[ch] / cell[c].s;
@@ -306,10 +323,9 @@ void Gatherer::Impl::march_cell(int c, GatherResult& result, Counters& counters)
   }
 }
 
-// I0 - I1/t of a volume's density, for a ray that ends where `shell` begins.
-Vec3d Gatherer::Impl::bend_integral(int volume, int shell, double t) const {
-  if (!(t > 0)) return Vec3d(0.0);
-  return marcher.grad_integral(volume, shell) - marcher.grad_moment(volume, shell) * (1 / t);
+// I0 - I1/t of a volume's density up to where `shell` begins, for a ray that ends at t.
+Vec3d Gatherer::Impl::bend_integral(int volume, int shell, double inverse_t) const {
+  return marcher.grad_integral(volume, shell) - marcher.grad_moment(volume, shell) * inverse_t;
 }
 
 // The same for a cell without medium.
@@ -366,8 +382,9 @@ RgbGradient Gatherer::Impl::moving_medium(Counters& counters) {
         medium.shells(marcher, ray, boundaries, cell[c].s, jitter, random, counters);
     const auto i0 = [&](int shell) {
       RgbGradient b;
-      for (std::size_t v = 0; v < volumes.size(); ++v)
-        b += outer(volumes[v].sigma_t(), marcher.grad_integral(static_cast<int>(v), shell));
+      for (const Bend& bend : bends)
+        b += Bend{bend.volume, outer(RgbD(1), marcher.grad_integral(bend.volume, shell))}.in_world(
+            volumes[bend.volume]);
       return b;
     };
     RgbGradient d;

@@ -175,8 +175,11 @@ struct Direction {
   float scale;  // 0 where `middle` is a Gauss point and stands for its step as it is.
 };
 
+inline Four to_floats(const double* v) {
+  return Four{float(v[0]), float(v[1]), float(v[2]), float(v[3])};
+}
 inline Four lengths(const Direction& d, const double* length) {
-  return Four{float(length[0]), float(length[1]), float(length[2]), float(length[3])} * d.scale;
+  return to_floats(length) * d.scale;
 }
 
 inline Four mean_of(const Cubics& c, const Direction& d, Four length) {
@@ -197,13 +200,17 @@ void evaluate_scalar(const Field& field, Want want, Segments& s) {
     store(s.mean + i, mean_of(c, d, length));
     store(s.change + i, length * (d.x * c.vx + d.y * c.vy + d.z * c.vz));
     if (want != Want::Gradients) continue;
-    const Four k = length * (1.0f / 12), k2 = length * length * (1.0f / 12);
-    store(s.gradient[0] + i, c.vx + d.y * d.z * c.vxyz * k2);
-    store(s.gradient[1] + i, c.vy + d.x * d.z * c.vxyz * k2);
-    store(s.gradient[2] + i, c.vz + d.x * d.y * c.vxyz * k2);
-    store(s.moment[0] + i, (d.y * c.vxy + d.z * c.vxz) * k);
-    store(s.moment[1] + i, (d.x * c.vxy + d.z * c.vyz) * k);
-    store(s.moment[2] + i, (d.x * c.vxz + d.y * c.vyz) * k);
+    const Four k2 = length * length * (1.0f / 12), whole = to_floats(s.length + i);
+    const Four middle = to_floats(s.middle + i), k3 = k2 * length;
+    const Four gx = (c.vx + d.y * d.z * c.vxyz * k2) * whole;
+    const Four gy = (c.vy + d.x * d.z * c.vxyz * k2) * whole;
+    const Four gz = (c.vz + d.x * d.y * c.vxyz * k2) * whole;
+    store(s.gradient[0] + i, gx);
+    store(s.gradient[1] + i, gy);
+    store(s.gradient[2] + i, gz);
+    store(s.moment[0] + i, middle * gx + (d.y * c.vxy + d.z * c.vxz) * k3);
+    store(s.moment[1] + i, middle * gy + (d.x * c.vxy + d.z * c.vyz) * k3);
+    store(s.moment[2] + i, middle * gz + (d.x * c.vxz + d.y * c.vyz) * k3);
   }
 }
 

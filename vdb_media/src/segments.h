@@ -11,7 +11,7 @@
 // coefficients do so too, from one set of nodes and with fewer roundings:
 //   mean       = V + (dx dy Vxy + dx dz Vxz + dy dz Vyz) / 12
 //   mean of Vx = Vx + dy dz Vxyz / 12,    mean of s Vx = (dy Vxy + dz Vxz) / 12,    and so on,
-// all derivatives at m. Nodes, fractions and these means are floats, crossings and sums doubles:
+// all derivatives at m. Integrals are these means times the segment's length. Nodes, fractions and these means are floats, crossings and sums doubles:
 // the integral is good to about 1e-7 of its size, and exact to 1e-15 where the field is constant.
 #pragma once
 
@@ -50,7 +50,7 @@ struct Segments {
   std::int64_t* offset;            // Of the cell's first node.
   std::array<float*, 3> fraction;  // Of `middle` within its cell.
   // Made by evaluate(): over the segment, the mean of the field and its change from end to end; the
-  // means of its index-space gradient and of s times that.
+  // integrals of its index-space gradient and of t times that, t the ray's parameter.
   float *mean, *change;
   std::array<float*, 3> gradient, moment;
   // Segments that lie in tiles, with the tiles' values; collect() makes them read some node or

@@ -206,10 +206,14 @@ struct Direction {
   __m512 x, y, z, scale;
 };
 
+inline __m512 to_floats(__m512d low, __m512d high) {
+  return _mm512_insertf32x8(_mm512_castps256_ps512(_mm512_cvtpd_ps(low)), _mm512_cvtpd_ps(high), 1);
+}
+inline __m512 to_floats(const double* v) {
+  return to_floats(_mm512_load_pd(v), _mm512_load_pd(v + 8));
+}
 inline __m512 lengths(const Direction& d, __m512d low, __m512d high) {
-  const __m512 l =
-      _mm512_insertf32x8(_mm512_castps256_ps512(_mm512_cvtpd_ps(low)), _mm512_cvtpd_ps(high), 1);
-  return mul(l, d.scale);
+  return mul(to_floats(low, high), d.scale);
 }
 
 inline __m512 mean_of(const Cubics& c, const Direction& d, __m512 length) {
@@ -230,13 +234,20 @@ void evaluate_avx512(const Field& field, Want want, Segments& s) {
     _mm512_store_ps(s.change + i,
                     mul(length, add(add(mul(d.x, c.vx), mul(d.y, c.vy)), mul(d.z, c.vz))));
     if (want != Want::Gradients) continue;
-    const __m512 k = mul(length, twelfth), k2 = mul(mul(length, length), twelfth);
-    _mm512_store_ps(s.gradient[0] + i, add(c.vx, mul(mul(mul(d.y, d.z), c.vxyz), k2)));
-    _mm512_store_ps(s.gradient[1] + i, add(c.vy, mul(mul(mul(d.x, d.z), c.vxyz), k2)));
-    _mm512_store_ps(s.gradient[2] + i, add(c.vz, mul(mul(mul(d.x, d.y), c.vxyz), k2)));
-    _mm512_store_ps(s.moment[0] + i, mul(add(mul(d.y, c.vxy), mul(d.z, c.vxz)), k));
-    _mm512_store_ps(s.moment[1] + i, mul(add(mul(d.x, c.vxy), mul(d.z, c.vyz)), k));
-    _mm512_store_ps(s.moment[2] + i, mul(add(mul(d.x, c.vxz), mul(d.y, c.vyz)), k));
+    const __m512 k2 = mul(mul(length, length), twelfth), k3 = mul(k2, length);
+    const __m512 whole = to_floats(s.length + i), middle = to_floats(s.middle + i);
+    const __m512 gx = mul(add(c.vx, mul(mul(mul(d.y, d.z), c.vxyz), k2)), whole);
+    const __m512 gy = mul(add(c.vy, mul(mul(mul(d.x, d.z), c.vxyz), k2)), whole);
+    const __m512 gz = mul(add(c.vz, mul(mul(mul(d.x, d.y), c.vxyz), k2)), whole);
+    _mm512_store_ps(s.gradient[0] + i, gx);
+    _mm512_store_ps(s.gradient[1] + i, gy);
+    _mm512_store_ps(s.gradient[2] + i, gz);
+    _mm512_store_ps(s.moment[0] + i,
+                    add(mul(middle, gx), mul(add(mul(d.y, c.vxy), mul(d.z, c.vxz)), k3)));
+    _mm512_store_ps(s.moment[1] + i,
+                    add(mul(middle, gy), mul(add(mul(d.x, c.vxy), mul(d.z, c.vyz)), k3)));
+    _mm512_store_ps(s.moment[2] + i,
+                    add(mul(middle, gz), mul(add(mul(d.x, c.vxz), mul(d.y, c.vyz)), k3)));
   }
 }
 

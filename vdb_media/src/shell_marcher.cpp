@@ -94,7 +94,7 @@ void ShellMarcher::march_grid(int volume, const Ray& ray, std::span<const double
   const RgbD sigma_t = v.sigma_t();
   ShellDensity* shells = &shells_[volume * stride_];
   double depth = 0, in_shell = 0;
-  Vec3d i0(0.0), i1(0.0), world_i0(0.0), world_i1(0.0);
+  Vec3d i0(0.0), i1(0.0);  // i1 of the grid's own parameter, which starts at `base`.
   int first = 0;
   const auto close = [&](int shell, int end) {
     if (end > first) {
@@ -116,16 +116,12 @@ void ShellMarcher::march_grid(int volume, const Ray& ray, std::span<const double
         depth += in_shell;
         in_shell = 0;
       }
-      if constexpr (kGradients) {
-        world_i0 = grid.world_to_index().transposed_vector(i0);
-        world_i1 = grid.world_to_index().transposed_vector(i1);
-      }
       first = end;
     }
     add_depth(tau_[shell + 1], sigma_t, depth);
     if constexpr (kGradients) {
-      i0_[volume * stride_ + shell + 1] = world_i0;
-      i1_[volume * stride_ + shell + 1] = world_i1;
+      i0_[volume * stride_ + shell + 1] = i0;
+      i1_[volume * stride_ + shell + 1] = i1 + i0 * base;
     }
   };
   int shell = 0;
@@ -133,14 +129,11 @@ void ShellMarcher::march_grid(int volume, const Ray& ray, std::span<const double
     while (shell + 1 < shell_count_ && s.begin[i] >= cuts[shell + 1]) close(shell++, i);
     const double length = s.length[i];
     in_shell += double(s.mean[i]) * length;
-    if constexpr (kGradients) {
-      const double u = base + s.middle[i];
+    if constexpr (kGradients)
       for (int a = 0; a < 3; ++a) {
-        const double g = length * double(s.gradient[a][i]);
-        i0[a] += g;
-        i1[a] += u * g + length * length * double(s.moment[a][i]);
+        i0[a] += double(s.gradient[a][i]);
+        i1[a] += double(s.moment[a][i]);
       }
-    }
   }
   while (shell < shell_count_) close(shell++, s.count);
 }

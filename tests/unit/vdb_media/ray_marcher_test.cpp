@@ -439,8 +439,9 @@ TEST(ShellMarcher, GradientIntegralsAgreeWithTheReference) {
         const Vec3d i0 = integrate_by_cells<Vec3d>(*v.density, ray, 0.3, end, gradient, Vec3d(0.0));
         const Vec3d i1 = integrate_by_cells<Vec3d>(
             *v.density, ray, 0.3, end, [&](double t) { return gradient(t) * t; }, Vec3d(0.0));
-        EXPECT_LT((marcher.grad_integral(0, s) - i0).length(), 3e-5);
-        EXPECT_LT((marcher.grad_moment(0, s) - i1).length(), 3e-4);
+        const Affine3d& to_index = v.density->world_to_index();
+        EXPECT_LT((to_index.transposed_vector(marcher.grad_integral(0, s)) - i0).length(), 3e-5);
+        EXPECT_LT((to_index.transposed_vector(marcher.grad_moment(0, s)) - i1).length(), 3e-4);
       }
     }
   }
@@ -474,7 +475,9 @@ OracleA6 march_a6(double h) {
   MarchCounters counters;
   const std::vector<double> edges = even_shells(0, length, 7), jitter(7, 0.5);
   marcher.march(ray_between(x, y), edges, kInfinity, jitter, true, counters);
-  const Vec3d i0 = marcher.grad_integral(0, 7), i1 = marcher.grad_moment(0, 7);
+  const Affine3d& to_index = medium.volumes()[0].density->world_to_index();
+  const Vec3d i0 = to_index.transposed_vector(marcher.grad_integral(0, 7)),
+              i1 = to_index.transposed_vector(marcher.grad_moment(0, 7));
   const double tau = marcher.tau(7).r;
   // gradients.md 2, form B: grad tau = -w tau / t + integral of (1 - u / t) grad sigma.
   return {tau, (y - x) / length * (-tau / length) + i0 - i1 / length, i0};

@@ -75,8 +75,9 @@ class ShellMarcher {
   // `shell` (or to t_end for shell == shell_count()).
   const RgbD& tau(int shell) const { return tau_[shell]; }
   // Integrals over u from 0 (the ray's origin) to the start of `shell` of grad density and of
-  // u grad density, per volume, in world space: I0 and I1 of gradients.md 3, before sigma_t.
-  // Only with want_gradients. The density before boundaries.front() counts as none, so callers put
+  // u grad density, per volume: I0 and I1 of gradients.md 3, before sigma_t, with u in world units and
+  // the gradient in the grid's index space (world_to_index().transposed_vector() takes sums of them to
+  // world space). Only with want_gradients. The density before boundaries.front() counts as none, so callers put
   // boundaries.front() at or before the medium's entry.
   const Vec3d& grad_integral(int volume, int shell) const {
     return i0_[std::size_t(volume) * stride_ + shell];
