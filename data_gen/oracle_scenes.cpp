@@ -70,6 +70,7 @@ std::vector<OracleMesh> meshes_of(const OracleScene& oracle) {
     Material glow = black;
     glow.name = "glow_" + quad.name;
     glow.emission = Rgb(float(e.radiance));
+    glow.emission_lobe = e.lobe;
     glow.direct = false;  // Indirect irradiance then is all that arrives from it.
     meshes.push_back({quad, glow});
   }
@@ -150,6 +151,17 @@ std::vector<OracleScene> oracle_scenes(double grid_step) {
   return scenes;
 }
 
+OracleScene glossy_oracle_scene() {
+  OracleEmitter polygon = kPolygon;
+  polygon.radiance = 0.5;
+  polygon.lobe = EmissionLobe{Vec3d(-1, 0.25, -0.45).normalized(), 20, Rgb(12.0f)};
+  return {.name = "glossy",
+          .emitters = {polygon},
+          .blocks = {kBlock},
+          .has_room = true,
+          .medium = absorbing(even(0.3))};
+}
+
 OracleScene oracle_scene(const std::string& name, double grid_step) {
   std::string names;
   for (OracleScene& scene : oracle_scenes(grid_step)) {
@@ -166,6 +178,7 @@ const std::vector<OracleCase>& oracle_cases() {
       {"vacblk", {-0.60, 0.25, 0}, 0.407757648, {0.11049384, 0.05166589, 0}, false},
       {"abs", {-0.60, 0.25, 0}, 0.072572128, {0.06848524, 0.01762510, 0}, false},
       {"abs", {-0.60, 0.25, 0.10}, 0.079226634, {0.09689411, 0.00804978, 0.05952258}, true},
+      {"glossy", {-0.60, 0.25, 0}, 0.282420840, {-0.23525263, 0.17466033, 0}, false},
       {"emi", {-0.60, 0.25, 0}, 1.592641736, {0.32783592, 0.63808214, 0}, false},
       {"scatopen", {-1.00, 0.25, 0}, 0.043380124, {0.01740833, -0.00316348, 0}, false},
       {"scat", {-1.00, 0.25, 0}, 0.077483712, {0.01402990, 0.00502745, 0}, false},

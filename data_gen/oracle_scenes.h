@@ -21,6 +21,7 @@ namespace brume {
 struct OracleEmitter {
   Vec3d corner{0.0}, edge_u{1.0, 0.0, 0.0}, edge_v{0.0, 1.0, 0.0};
   double radiance = 1;  // [W/(m^2 sr)]
+  std::optional<EmissionLobe> lobe{};
 };
 
 // sigma_t is `sigma_t` itself [1/m]; a sum without bumps is homogeneous and fills
@@ -50,6 +51,8 @@ struct OracleScene {
 Box3d oracle_room();
 // All of them, in a fixed order. `grid_step` goes to the media whose grid is not fixed.
 std::vector<OracleScene> oracle_scenes(double grid_step = 0.05);
+// One that no scene file can express: an emitter with a lobe, as a glossy reflector would send.
+OracleScene glossy_oracle_scene();
 // By name; throws Error(InvalidInput) listing the names there are.
 OracleScene oracle_scene(const std::string& name, double grid_step = 0.05);
 

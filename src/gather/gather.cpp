@@ -119,7 +119,7 @@ struct Gatherer::Impl {
         effects(e),
         options(o),
         marcher(world.medium(), march_options()),
-        surfaces(l),
+        surfaces(l, o.gradient == GradientMode::Full),
         medium(l, e, o.gradient == GradientMode::Full),
         cells(o.cell_count()) {
     const auto& volumes = world.medium().volumes();

@@ -31,7 +31,13 @@ void SurfaceLight::add(std::size_t cell, const Hit& hit, const Vec3d& w, const H
                        RandomStream& random, Counters& counters) {
   const World& world = lighting_.world();
   const Material& material = world.material(hit);
-  if (!material.direct) radiance_[cell] += world.emission(hit, -w);
+  if (!material.direct) {
+    radiance_[cell] += world.emission(hit, -w);
+    if (want_derivatives_ && material.emission_lobe) {
+      derivative_[cell] -= world.emission_derivative(hit, -w);  // wo = -w.
+      has_derivatives_ = true;
+    }
+  }
   if (!light.reflect || !material.reflects()) return;
   const bool from_front = hit.normal.dot(w) < 0;
   const Vec3d n = from_front ? hit.shading_normal : -hit.shading_normal;
@@ -45,7 +51,7 @@ void SurfaceLight::add(std::size_t cell, const Hit& hit, const Vec3d& w, const H
     const RgbD incident = s.weight * cosine;
     Pending pending{cell, static_cast<int>(l), s, p,
                     eval_brdf(material, n, s.direction, -w) * incident, {}};
-    if (material.is_glossy()) {
+    if (want_derivatives_ && material.is_glossy()) {
       const RgbGradient d = lobe_derivative(material, n, s.direction, w);
       for (int c = 0; c < 3; ++c) pending.derivative[c] = d[c] * incident[c];
       has_derivatives_ = true;

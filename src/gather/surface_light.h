@@ -11,7 +11,8 @@ namespace brume {
 // Scratch memory of one thread.
 class SurfaceLight {
  public:
-  explicit SurfaceLight(const Lighting& lighting) : lighting_(lighting) {}
+  explicit SurfaceLight(const Lighting& lighting, bool want_derivatives = false)
+      : lighting_(lighting), want_derivatives_(want_derivatives) {}
 
   void begin(std::size_t cells);
   // `hit` as seen from direction `w` (towards the surface) in cell `cell`; random numbers from `random`.
@@ -22,7 +23,7 @@ class SurfaceLight {
 
   const RgbD& radiance(std::size_t cell) const { return radiance_[cell]; }
   // d L_o / d w at the fixed hit: how radiance changes as the surface is seen from elsewhere; zero but for
-  // glossy surfaces.
+  // glossy surfaces and emission lobes, and only where wanted.
   const RgbGradient& direction_derivative(std::size_t cell) const { return derivative_[cell]; }
   bool has_derivatives() const { return has_derivatives_; }
 
@@ -37,6 +38,7 @@ class SurfaceLight {
   };
 
   const Lighting& lighting_;
+  bool want_derivatives_;
   std::vector<RgbD> radiance_;
   std::vector<RgbGradient> derivative_;
   std::vector<Pending> pending_;

@@ -2,11 +2,20 @@
 // normal on the viewer's side.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "core/math.h"
 
 namespace brume {
+
+// Emission that depends on the direction wo it leaves in: radiance * max(0, wo . axis)^exponent. Scene files
+// have no key for it; programs that use the libraries may.
+struct EmissionLobe {
+  Vec3d axis{0.0, 0.0, 1.0};  // Unit.
+  double exponent = 1;        // At least 1.
+  Rgb radiance{0.0f};
+};
 
 // f = albedo/pi + specular * D G / (4 cos_i cos_o), D and G the GGX distribution with
 // alpha = roughness^2 and Smith's height-correlated shadowing [WMLT07, Heitz14]. A diffuse material has
@@ -20,7 +29,10 @@ struct Material {
   bool direct = true;
   bool two_sided = false;  // Emission on both sides, not only where counter-clockwise winding faces.
 
-  bool is_emissive() const { return !is_black(emission); }
+  // Adds to `emission`, on the sides that emit. Only for emitters that gathers see ("direct": false).
+  std::optional<EmissionLobe> emission_lobe{};
+
+  bool is_emissive() const { return !is_black(emission) || emission_lobe.has_value(); }
   bool is_glossy() const { return !is_black(specular); }
   bool reflects() const { return !is_black(albedo) || is_glossy(); }
 };

@@ -43,7 +43,11 @@ void add(FingerprintBuilder& f, const Material& m) {
   add(f, m.specular);
   f.add(m.roughness);
   add(f, m.emission);
-  f.add(m.direct).add(m.two_sided);
+  f.add(m.direct).add(m.two_sided).add(m.emission_lobe.has_value());
+  if (const auto& lobe = m.emission_lobe) {
+    f.add(lobe->axis.x).add(lobe->axis.y).add(lobe->axis.z).add(lobe->exponent);
+    add(f, lobe->radiance);
+  }
 }
 
 }  // namespace
@@ -119,7 +123,18 @@ int World::light_at(const Hit& hit) const { return material_light_[hit.material]
 RgbD World::emission(const Hit& hit, const Vec3d& wo) const {
   const Material& m = material(hit);
   if (!m.is_emissive() || !(m.two_sided || hit.normal.dot(wo) > 0)) return {};
-  return RgbD(m.emission);
+  RgbD radiance(m.emission);
+  if (const auto& lobe = m.emission_lobe)
+    radiance += RgbD(lobe->radiance) * std::pow(std::max(0.0, wo.dot(lobe->axis)), lobe->exponent);
+  return radiance;
+}
+
+RgbGradient World::emission_derivative(const Hit& hit, const Vec3d& wo) const {
+  const auto& lobe = material(hit).emission_lobe;
+  if (!lobe || is_black(emission(hit, wo))) return {};
+  const double cosine = std::max(0.0, wo.dot(lobe->axis));
+  return outer(RgbD(lobe->radiance) * (lobe->exponent * std::pow(cosine, lobe->exponent - 1)),
+               lobe->axis);
 }
 
 RgbD World::background(const Vec3d& direction) const {

@@ -34,6 +34,8 @@ class World {
   int light_at(const Hit& hit) const;
   // Radiance that leaves the hit towards `wo` by emission, whatever samples it.
   RgbD emission(const Hit& hit, const Vec3d& wo) const;
+  // Its derivative by wo; zero but for emission lobes.
+  RgbGradient emission_derivative(const Hit& hit, const Vec3d& wo) const;
   // Environment radiance along a ray that leaves the scene.
   RgbD background(const Vec3d& direction) const;
 

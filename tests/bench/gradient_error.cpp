@@ -16,8 +16,7 @@ int main(int argc, char** argv) {
   std::printf("%-9s %-14s %10s %10s %10s   %s\n", "scene", "mode", "16x50", "32x101", "64x201",
               "E error, 64x201; CPU ms a gather");
   for (const OracleCase& oracle : oracle_cases()) {
-    if (oracle.scene == "glossy") continue;
-    const test::LitWorld lit(make_scene(oracle_scene(oracle.scene, 0.05)));
+    const test::LitWorld lit(make_scene(test::scene_of(oracle)));
     for (const GradientMode mode :
          {GradientMode::WardHeckbert, GradientMode::Media, GradientMode::Full}) {
       std::printf("%-9s %-14s", oracle.scene.c_str(), gradient_mode_name(mode));

@@ -18,6 +18,10 @@ struct LitWorld {
   Effects effects;
 };
 
+inline OracleScene scene_of(const OracleCase& oracle) {
+  return oracle.scene == "glossy" ? glossy_oracle_scene() : oracle_scene(oracle.scene, 0.05);
+}
+
 struct GradientStatistics {
   double mean_irradiance = 0;
   Vec3d mean_gradient{0.0};

@@ -447,6 +447,20 @@ TEST(ShellMarcher, GradientIntegralsAgreeWithTheReference) {
   }
 }
 
+// gradients.md 7.8: a field that is x itself, along planes, through corners and from a node.
+TEST(DensityIntegral, RampIsExactAlongPlanesAndThroughCorners) {
+  const Volume v = make_volume(
+      make_grid(Vec3i(0), Vec3i(6), scaling(Vec3d(1.0)), [](const Vec3d& p) { return p.x; }));
+  const auto between = [&](const Vec3d& a, const Vec3d& b) {
+    MarchCounters counters;
+    return density_integral(v, Ray{a, (b - a).normalized()}, {0, (b - a).length()}, {}, counters);
+  };
+  EXPECT_NEAR(between({0, 1, 1}, {4, 1, 1}), 8, 1e-6);
+  EXPECT_NEAR(between({0, 0, 0}, {4, 4, 4}), 13.856406460551, 2e-6);
+  EXPECT_NEAR(between({2, 1, 1}, {4, 1, 1}), 6, 1e-6);
+  EXPECT_NEAR(between({4, 1, 1}, {2, 1, 1}), 6, 1e-6);
+}
+
 // oracle_cases.md, A6: 0.1 and three Gaussians, here on a lattice of step h.
 struct OracleA6 {
   double tau;
