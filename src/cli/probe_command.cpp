@@ -16,13 +16,14 @@
 #include "cli/values.h"
 #include "core/error.h"
 #include "core/random.h"
+#include "study/cell_sweep.h"
 
 namespace brume {
 namespace {
 
 // Enough that the direct light of an area light is known to about a percent.
 constexpr int kDirectSamples = 256;
-// Independent repetitions for the noise of the finite difference.
+// Independent repetitions of finite differences and of sweeps.
 constexpr int kNoiseSeeds = 8;
 
 struct ProbeOptions {
@@ -30,25 +31,24 @@ struct ProbeOptions {
   AccuracyOptions accuracy;
   std::optional<Vec3d> position, normal;
   std::optional<double> finite_difference;
+  bool sweep_cells = false;
   std::filesystem::path cache_file;
 };
 
 struct FiniteDifference {
-  RgbGradient value;  // With the random numbers of the probe itself.
-  RgbGradient noise;  // Standard deviation of `value` over seeds.
+  RgbGradient value;  // Mean over seeds; both sides of a difference use the same random numbers.
+  RgbGradient noise;  // Standard error of that mean.
 };
 
 struct Answers {
   GatherPoint point;
   GatherResult gather;
-  std::array<GradientTerms, 4> by_mode;  // In kModes' order.
+  std::array<GradientTerms, kGradientModes.size()> by_mode;
   RgbD direct;
   double radius = 0;
   std::optional<FiniteDifference> difference;
+  std::vector<CellSweepRow> sweep;
 };
-
-constexpr std::array kModes{GradientMode::None, GradientMode::WardHeckbert, GradientMode::Media,
-                            GradientMode::Full};
 
 std::uint64_t probe_key(std::uint64_t seed, int repetition) {
   return random_key(seed, std::uint64_t{0x70726f6265}, repetition);
@@ -91,19 +91,18 @@ FiniteDifference finite_difference(Gatherer& gatherer, const GatherPoint& point,
                                    Counters& counters) {
   FiniteDifference result;
   std::array<RgbGradient, kNoiseSeeds> samples;
-  RgbGradient mean;
   for (int i = 0; i < kNoiseSeeds; ++i) {
     GatherPoint shifted = point;
     shifted.key = probe_key(seed, i);
     samples[i] = difference_quotient(gatherer, shifted, below, h, counters);
-    mean += samples[i] * (1.0 / kNoiseSeeds);
+    result.value += samples[i] * (1.0 / kNoiseSeeds);
   }
-  result.value = samples[0];
   for (int c = 0; c < 3; ++c)
     for (int axis = 0; axis < 3; ++axis) {
       double squares = 0;
-      for (const RgbGradient& s : samples) squares += std::pow(s[c][axis] - mean[c][axis], 2);
-      result.noise[c][axis] = std::sqrt(squares / (kNoiseSeeds - 1));
+      for (const RgbGradient& s : samples)
+        squares += std::pow(s[c][axis] - result.value[c][axis], 2);
+      result.noise[c][axis] = std::sqrt(squares / (kNoiseSeeds - 1) / kNoiseSeeds);
     }
   return result;
 }
@@ -141,7 +140,8 @@ Answers gather_answers(const ProbeOptions& options, const Lighting& lighting,
     all.gradient = GradientMode::Full;
     Gatherer gatherer(lighting, effects, all);
     a.gather = gatherer.gather(a.point, below, statistics.counters);
-    for (std::size_t m = 0; m < kModes.size(); ++m) a.by_mode[m] = gatherer.gradient(kModes[m]);
+    for (std::size_t m = 0; m < kGradientModes.size(); ++m)
+      a.by_mode[m] = gatherer.gradient(kGradientModes[m]);
   }
   a.direct = direct_irradiance(lighting, a.point.position + a.point.normal * a.point.offset,
                                a.point.normal, kDirectSamples, random_key(a.point.key, 1),
@@ -155,13 +155,34 @@ Answers gather_answers(const ProbeOptions& options, const Lighting& lighting,
     a.difference = finite_difference(gatherer, a.point, below, *options.finite_difference, seed,
                                      of_differences);
   }
+  if (options.sweep_cells) {
+    std::vector<std::uint64_t> keys;
+    for (int i = 0; i < kNoiseSeeds; ++i) keys.push_back(probe_key(seed, i));
+    a.sweep = sweep_cells(lighting, effects, a.point, below, point_options, keys);
+  }
   return a;
 }
 
 const GradientTerms& terms_of(const Answers& a, GradientMode mode) {
-  for (std::size_t m = 0; m < kModes.size(); ++m)
-    if (kModes[m] == mode) return a.by_mode[m];
+  for (std::size_t m = 0; m < kGradientModes.size(); ++m)
+    if (kGradientModes[m] == mode) return a.by_mode[m];
   throw Error(ErrorKind::Internal, "unknown gradient mode");
+}
+
+Json sweep_json(const std::vector<CellSweepRow>& sweep, GradientMode mode, double per_metre) {
+  Json rows = Json::array();
+  for (const CellSweepRow& r : sweep) {
+    Json row{{"cells", {r.cells_theta, r.cells_phi}},
+             {"irradiance", json_of(r.irradiance)},
+             {"irradiance_rms", r.irradiance_rms},
+             {"gradient", json_of(r.gradient_of(mode) * per_metre)},
+             {"gradient_rms", r.rms_of(mode)},
+             {"seconds", r.seconds}};
+    for (std::size_t m = 0; m < kGradientModes.size(); ++m)
+      row["gradient_rms_modes"][gradient_mode_name(kGradientModes[m])] = r.gradient_rms[m];
+    rows.push_back(row);
+  }
+  return rows;
 }
 
 Json answers_json(const Answers& a, const GatherOptions& gather, double per_metre,
@@ -181,11 +202,16 @@ Json answers_json(const Answers& a, const GatherOptions& gather, double per_metr
                            {"walls", json_of(terms.walls * per_metre)},
                            {"grad_sigma", json_of(terms.grad_sigma * per_metre)},
                            {"directional", json_of(terms.directional * per_metre)}};
+  Json modes = Json::object();
+  for (std::size_t m = 0; m < kGradientModes.size(); ++m)
+    modes[gradient_mode_name(kGradientModes[m])] = json_of(a.by_mode[m].sum() * per_metre);
+  all["gradient_modes"] = modes;
   all["gradient_rotational"] = json_of(a.gather.rotational);
   if (a.difference) {
     all["finite_difference"] = json_of(a.difference->value * per_metre);
     all["finite_difference_noise"] = json_of(a.difference->noise * per_metre);
   }
+  if (!a.sweep.empty()) all["sweep"] = sweep_json(a.sweep, gather.gradient, per_metre);
   all["radius"] = {a.radius, a.radius};
   all["cells"] = {gather.cells_theta, gather.cells_phi};
   all["shells"] = a.gather.shells;
@@ -201,6 +227,28 @@ void add_gradient_rows(std::vector<std::vector<std::string>>& rows, const std::s
   for (int c = 0; c < 3; ++c)
     rows.push_back({c == 0 ? name : "", channels[c], shown_number(g[c].x), shown_number(g[c].y),
                     shown_number(g[c].z)});
+}
+
+void print_sweep(std::ostream& out, const std::vector<CellSweepRow>& sweep, GradientMode mode,
+                 double per_metre) {
+  const CellSweepRow& last = sweep.back();
+  out << "\nLuminance over " << kNoiseSeeds << " seeds; errors are relative, against the mean of "
+      << last.cells_theta << 'x' << last.cells_phi << " cells in mode full.\n";
+  std::vector<std::vector<std::string>> rows{
+      {"cells", "irradiance", "rms", std::string("gradient, ") + gradient_mode_name(mode), "", ""}};
+  for (std::size_t m = 1; m < kGradientModes.size(); ++m)
+    rows[0].push_back(std::string("rms ") + gradient_mode_name(kGradientModes[m]));
+  rows[0].push_back("CPU ms");
+  for (const CellSweepRow& r : sweep) {
+    const Vec3d g = r.gradient_of(mode) * per_metre;
+    rows.push_back({std::to_string(r.cells_theta) + "x" + std::to_string(r.cells_phi),
+                    shown_number(luminance(r.irradiance)), shown_number(r.irradiance_rms),
+                    shown_number(g.x), shown_number(g.y), shown_number(g.z)});
+    for (std::size_t m = 1; m < kGradientModes.size(); ++m)
+      rows.back().push_back(shown_number(r.gradient_rms[m]));
+    rows.back().push_back(shown_number(1e3 * r.seconds));
+  }
+  print_table(out, rows);
 }
 
 void print_answers(const CommandContext& context, const Answers& a, const GatherOptions& gather,
@@ -229,12 +277,13 @@ void print_answers(const CommandContext& context, const Answers& a, const Gather
     add_gradient_rows(rows, "finite difference", a.difference->value * per_metre);
     add_gradient_rows(rows, "  its noise", a.difference->noise * per_metre);
   }
-  for (std::size_t m = 0; m < kModes.size(); ++m)
-    if (kModes[m] != gather.gradient && kModes[m] != GradientMode::None)
-      add_gradient_rows(rows, std::string("mode ") + gradient_mode_name(kModes[m]),
+  for (std::size_t m = 0; m < kGradientModes.size(); ++m)
+    if (kGradientModes[m] != gather.gradient && kGradientModes[m] != GradientMode::None)
+      add_gradient_rows(rows, std::string("mode ") + gradient_mode_name(kGradientModes[m]),
                         a.by_mode[m].sum() * per_metre);
   add_gradient_rows(rows, "rotational [W/m^2]", a.gather.rotational);
   print_table(out, rows);
+  if (!a.sweep.empty()) print_sweep(out, a.sweep, gather.gradient, per_metre);
 }
 
 int probe(const ProbeOptions& options, const CommandContext& context) {
@@ -308,9 +357,18 @@ void add_probe_command(CLI::App& app, CommandContext& context) {
       [](const std::string& option, const std::string& text) {
         return std::optional<double>(parse_number(option, text, 1e-12, 1e12));
       },
-      "Also the gradient by differences over steps of H (scene units) from the same random "
-      "numbers, "
-      "central but along the normal of a surface, and its noise over seeds")
+      "Also the gradient by differences over steps of H (scene units), central but along the "
+      "normal of a surface: the mean over seeds, each with the same random numbers at both ends, "
+      "and its standard error")
+      ->group("Point");
+  add_parsed(
+      *verb, "--sweep", "cells", options->sweep_cells,
+      [](const std::string& option, const std::string& text) {
+        return parse_choice(option, text,
+                            std::vector<std::pair<std::string, bool>>{{"cells", true}});
+      },
+      "Also how irradiance and the gradients of every mode settle as cells grow from 4x13 to "
+      "128x402, over seeds")
       ->group("Point");
   add_path(
       *verb, "--cache", options->cache_file, "C.irc",
@@ -323,6 +381,7 @@ void add_probe_command(CLI::App& app, CommandContext& context) {
 Examples:
   brume probe box.json --at 0,0.5,0 --normal 0,1,0 --cells 64x201
   brume probe box.json --at 0,0.5,0 --normal 0,1,0 --finite-difference 0.01 --json
+  brume probe box.json --at 0,0.5,0 --normal 0,1,0 --sweep cells
   brume probe box.json --at 0,0.5,0 --normal 0,1,0 --gradient ward-heckbert --cache box.irc)");
   verb->callback([options, &context] {
     context.action = [options, &context] { return probe(*options, context); };

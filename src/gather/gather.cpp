@@ -105,8 +105,7 @@ const char* gradient_mode_name(GradientMode mode) {
 }
 
 GradientMode parse_gradient_mode(const std::string& name) {
-  for (const GradientMode m :
-       {GradientMode::None, GradientMode::WardHeckbert, GradientMode::Media, GradientMode::Full})
+  for (const GradientMode m : kGradientModes)
     if (name == gradient_mode_name(m)) return m;
   throw Error(ErrorKind::Usage, "--gradient: '" + printable(name) +
                                     "' is not a mode: use none, ward-heckbert, media or full");

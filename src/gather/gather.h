@@ -21,6 +21,8 @@ enum class GradientMode {
   Media,         // The medium moves with the point; knows no occlusion.
   Full           // Form F.
 };
+inline constexpr std::array kGradientModes{GradientMode::None, GradientMode::WardHeckbert,
+                                           GradientMode::Media, GradientMode::Full};
 const char* gradient_mode_name(GradientMode mode);
 // Throws Error(Usage) listing the names.
 GradientMode parse_gradient_mode(const std::string& name);

@@ -50,13 +50,44 @@ TEST_F(Probe, GradientsMatchTheirFiniteDifferences) {
             "0.3,0.4,0.2")
           .json();
   ASSERT_TRUE(json.contains("finite_difference"));
-  double error = 0, size = 0;
+  double error = 0, size = 0, noise = 0;
   for (int c = 0; c < 3; ++c)
     for (int axis = 0; axis < 3; ++axis) {
+      noise += std::pow(at(json["finite_difference_noise"], c, axis), 2);
       error += std::pow(at(json["gradient"], c, axis) - at(json["finite_difference"], c, axis), 2);
       size += std::pow(at(json["finite_difference"], c, axis), 2);
     }
-  EXPECT_LT(std::sqrt(error / size), 0.1);
+  EXPECT_LT(std::sqrt(error), 0.05 * std::sqrt(size) + 3 * std::sqrt(noise));
+  EXPECT_LT(std::sqrt(noise), 0.15 * std::sqrt(size));
+}
+
+TEST_F(Probe, EveryModeComesFromTheSameSamples) {
+  const auto full = probe({"--json"}).json();
+  for (const char* mode : {"none", "ward-heckbert", "media", "full"}) {
+    const auto own = probe({"--json", "--gradient", mode}).json();
+    EXPECT_EQ(own["irradiance"], full["irradiance"]) << mode;
+    EXPECT_EQ(own["gradient"], full["gradient_modes"][mode]) << mode;
+  }
+}
+
+TEST_F(Probe, SweepShowsHowAnswersSettle) {
+  const RunResult result = probe({"--json", "--sweep", "cells", "--shells", "8"});
+  ASSERT_EQ(result.code, 0) << result.err;
+  const auto sweep = result.json()["sweep"];
+  ASSERT_EQ(sweep.size(), 6u);
+  EXPECT_EQ(sweep[0]["cells"], nlohmann::json::array({4, 13}));
+  EXPECT_EQ(sweep[5]["cells"], nlohmann::json::array({128, 402}));
+  EXPECT_LT(double(sweep[4]["gradient_rms"]), 0.5 * double(sweep[0]["gradient_rms"]));
+  EXPECT_LT(double(sweep[4]["irradiance_rms"]), 0.5 * double(sweep[0]["irradiance_rms"]));
+  EXPECT_EQ(sweep[3]["gradient_rms"], sweep[3]["gradient_rms_modes"]["full"]);
+  EXPECT_NEAR(double(sweep[3]["gradient_rms_modes"]["none"]), 1, 1e-9);
+  EXPECT_GT(double(sweep[4]["gradient_rms_modes"]["media"]), double(sweep[4]["gradient_rms"]));
+}
+
+TEST_F(Probe, SweepsOverCellsOnly) {
+  const RunResult result = probe({"--sweep", "shells"});
+  EXPECT_EQ(result.code, 2);
+  EXPECT_THAT(result.err, testing::HasSubstr("cells"));
 }
 
 TEST_F(Probe, ModeNoneGivesZeros) {
