@@ -109,7 +109,7 @@ FilteredCache filter_records(CacheContents contents, const RecordFilter& filter)
 
   FilteredCache result;
   int lowest_gone = 256, highest_kept = -1;
-  bool has_gap_on_top = false;
+  bool has_gap_on_top = filter.is_part;
   for (std::size_t i = 0; i < records.size(); ++i) {
     if (keep[i]) {
       highest_kept = std::max(highest_kept, records[i].layer());
@@ -119,7 +119,8 @@ FilteredCache filter_records(CacheContents contents, const RecordFilter& filter)
       has_gap_on_top |= records[i].layer() == top;
     }
   }
-  if (result.dropped == 0) {
+  result.is_part = filter.is_part || result.dropped > 0;
+  if (!result.is_part) {
     result.contents = std::move(contents);
     return result;
   }

@@ -31,6 +31,7 @@ struct RecordFilter {
   std::optional<NumberRange> relative_error;  // Standard error over luminance.
   std::optional<NumberRange> luminance;       // Of irradiance [W/m^2].
   std::vector<std::uint64_t> keys;            // Empty: all.
+  bool is_part = false;                       // What comes in may lack records already.
   bool is_inverted = false;                   // Keeps what the criteria above would drop.
   // Then, of what is left: a record goes where one kept before it, on the same side and in its
   // layer, is closer than this (world units). Coarse waves come first, so they stay.
@@ -40,6 +41,7 @@ struct RecordFilter {
 struct FilteredCache {
   CacheContents contents;
   std::size_t dropped = 0;
+  bool is_part = false;  // Says so itself; see filter_records().
   // Something of a layer is gone that layers above it gathered from: no bake may go on from this.
   bool lacks_deeper_layers = false;
 };
@@ -56,7 +58,7 @@ double record_relative_error(const SurfaceRecord& record);
 // - without all the deeper records that others were gathered from, the fingerprint is another, made
 // of the
 //   first: it is stale for every scene, and good for looking at.
-// Where nothing goes, the contents are those that came.
+// Where nothing goes and nothing went before, the contents are those that came.
 FilteredCache filter_records(CacheContents contents, const RecordFilter& filter);
 
 }  // namespace brume

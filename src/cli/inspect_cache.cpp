@@ -5,6 +5,7 @@
 
 #include "cache/cache_file.h"
 #include "cache/irradiance_cache.h"
+#include "cli/cache_input.h"
 #include "cli/outputs.h"
 #include "cli/text_table.h"
 #include "core/error.h"
@@ -27,12 +28,6 @@ std::string shown_vector(const Vec3d& v) {
 }
 
 std::string shown_colour(const RgbD& c) { return shown_vector({c.r, c.g, c.b}); }
-
-std::string shown_key(std::uint64_t key) {
-  char text[20];
-  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(key));
-  return text;
-}
 
 // Counts of positive values in bins of equal ratio; zeros apart, as they have no logarithm.
 struct Histogram {
@@ -125,12 +120,6 @@ Json record_json(const SurfaceRecord& record, const Vec3d& origin, std::size_t i
   object["error"] = record.error;
   object["media_share"] = record.media_share;
   return object;
-}
-
-// Settings are a person's JSON text; one that does not parse is still shown.
-Json settings_json(const std::string& text) {
-  Json settings = Json::parse(text, nullptr, false);
-  return settings.is_discarded() ? Json(printable(text)) : settings;
 }
 
 struct Answers {
