@@ -68,6 +68,7 @@ struct Histogram {
 struct Summary {
   std::map<int, std::map<int, std::size_t>> counts;  // By layer, by wave.
   std::optional<Box3d> bounds;                       // World space.
+  bool is_partial = false;  // Of an unfinished view, or what a filter left.
   std::vector<double> radii, relative_errors, gradients;
 };
 
@@ -75,6 +76,7 @@ Summary summarise(const CacheContents& contents) {
   Summary summary;
   for (const SurfaceRecord& record : contents.records) {
     ++summary.counts[record.layer()][record.wave()];
+    summary.is_partial |= (record.flags & kUnfinishedViewFlag) != 0;
     const Vec3d p = contents.header.origin + vector(record.position);
     if (is_finite(p)) {
       if (!summary.bounds) summary.bounds.emplace();
@@ -256,6 +258,8 @@ void print_summary(std::ostream& out, const std::filesystem::path& file, const C
   print_row(out, "valid bytes", std::to_string(check.valid_bytes) + " of " +
                                     std::to_string(check.file_bytes) +
                                     (contents.is_complete ? ", complete" : ""));
+  if (summary.is_partial)
+    print_row(out, "part", "of a view or of another cache: `bake --cache-mode missing` goes on");
   for (const auto& [layer, waves] : summary.counts) {
     std::size_t total = 0;
     std::string by_wave;
@@ -285,6 +289,7 @@ Json summary_json(const CacheCheck& check, const Summary& summary) {
   object["sealed_blocks"] = contents.sealed_blocks;
   object["bad_records"] = check.bad_records;
   object["complete"] = contents.is_complete;
+  object["partial"] = summary.is_partial;
   object["valid_bytes"] = check.valid_bytes;
   object["file_bytes"] = check.file_bytes;
   if (check.opening.state != CacheState::Loaded) object["fault"] = check.opening.reason;
