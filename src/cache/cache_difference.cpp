@@ -64,6 +64,8 @@ class Sums {
     if (mean > 0) {
       for (double* of_mean : {&v.mae, &v.rmse, &v.p99, &v.max}) *of_mean /= mean;
       v.signed_mean = sum_a_ / sum_b_ - 1;
+    } else if (v.max > 0) {  // Anything is infinitely far from black.
+      v.mae = v.rmse = v.p99 = v.max = v.signed_mean = kInfinity;
     }
     if (gradient_change2_ > 0)
       v.gradient_rmse = gradient2_ > 0 ? std::sqrt(gradient_change2_ / gradient2_) : kInfinity;
@@ -77,7 +79,7 @@ class Sums {
 };
 
 CacheDifference::Answers compare_answers(const CacheContents& a, const CacheContents& b) {
-  // Sums of differences in double over a fixed order; a hundred thousand points tell enough.
+  // Enough to tell; all of a large cache would take longer than the rest.
   constexpr std::size_t kMostPoints = 100'000;
   CacheDifference::Answers answers;
   int top = -1;

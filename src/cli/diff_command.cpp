@@ -110,24 +110,30 @@ int run_diff(const DiffOptions& options, const CommandContext& context) {
 
 void add_diff_command(CLI::App& app, CommandContext& context) {
   const auto options = std::make_shared<DiffOptions>();
-  CLI::App* verb = app.add_subcommand("diff", "Measures how far A is from the reference B: two images, or two caches");
-  verb->add_option("A", options->a, "Image to judge (EXR, HDR, PNG, PFM, TIFF), or a cache")->required();
+  CLI::App* verb = app.add_subcommand(
+      "diff", "Measures how far A is from the reference B: two images, or two caches");
+  verb->add_option("A", options->a, "Image to judge (EXR, HDR, PNG, PFM, TIFF), or a cache")
+      ->required();
   verb->add_option("B", options->b, "Reference: an image of the same size, or a cache")->required();
-  verb->add_option("--layer", options->layer, "Images: layer to compare (default: beauty)")->type_name("NAME");
+  verb->add_option("--layer", options->layer, "Images: layer to compare (default: beauty)")
+      ->type_name("NAME");
   verb->add_option("--heat-map", options->heat_map,
                    "Images: write the signed relative difference as a PNG with a legend")
       ->type_name("PNG");
-  verb->add_option("--flip-map", options->flip_map, "Images: write the FLIP error as a PNG with a legend")
+  verb->add_option("--flip-map", options->flip_map,
+                   "Images: write the FLIP error as a PNG with a legend")
       ->type_name("PNG");
   verb->add_option("--fail-above", options->fail_above,
                    "Exit with 5 if METRIC is above V; may be repeated")
       ->type_name("METRIC=V")
       ->allow_extra_args(false);
   verb->add_option("--blocks", options->blocks,
-                   "Images: also compare means of N x N pixels (block_nrmse), which leaves bias and drops noise")
+                   "Images: also compare means of N x N pixels (block_nrmse), which leaves bias "
+                   "and drops noise")
       ->type_name("N")
       ->check(CLI::Range(1, 65536));
-  verb->footer(R"(Of caches, records are the same one where bounce and key agree: only_a, only_b, equal and different count
+  verb->footer(
+      R"(Of caches, records are the same one where bounce and key agree: only_a, only_b, equal and different count
 them, mae to max tell of irradiance where both have it, gradient_rmse and radius_rmse of the rest; answers_*
 compare what A answers with the records of B, whatever their keys. All but the counts are relative to B's mean.
 

@@ -11,8 +11,8 @@ namespace brume {
 void flush_denormals();
 bool denormals_are_flushed();
 
-// Denormals are numbers like others on this thread while it lives: for text that must hold every float
-// there is.
+// Denormals are numbers like others on this thread while it lives: for text that must hold every
+// float there is.
 class DenormalsKept {
  public:
   DenormalsKept();

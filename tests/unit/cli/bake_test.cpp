@@ -167,9 +167,9 @@ TEST_F(Bake, VerifyFailsAboveItsThreshold) {
 
 TEST_F(Bake, VerifyNamesTheWorstPointsAndSavesItsResult) {
   ASSERT_EQ(bake().code, 0);
-  const std::vector<std::string> command{"verify",  path("c.irc"), write_scene(), "--points", "12",
-                                         "--cells", "16x48",       "--worst",     "4",        "--save",
-                                         "--json",  "--max-rmse",  "0"};
+  const std::vector<std::string> command{
+      "verify",  path("c.irc"), write_scene(), "--points", "12",         "--cells", "16x48",
+      "--worst", "4",           "--save",      "--json",   "--max-rmse", "0"};
   const RunResult result = brume(command);
   EXPECT_EQ(result.code, 5) << "saved all the same";
   const auto worst = result.json()["worst_points"];
@@ -183,7 +183,8 @@ TEST_F(Bake, VerifyNamesTheWorstPointsAndSavesItsResult) {
   ASSERT_TRUE(saved.is_object());
   EXPECT_EQ(saved["rmse"], result.json()["rmse"]);
   EXPECT_EQ(saved["passed"], false);
-  EXPECT_EQ(saved["fingerprint"], brume({"inspect", path("c.irc"), "--json"}).json()["fingerprint"]);
+  EXPECT_EQ(saved["fingerprint"],
+            brume({"inspect", path("c.irc"), "--json"}).json()["fingerprint"]);
   EXPECT_EQ(brume(command).code, 5);
   EXPECT_EQ(read("c.irc.verify.json"), first) << "the same again";
 }
