@@ -20,7 +20,11 @@ std::vector<std::vector<Votes>> count_votes(const World& world,
   std::vector<std::vector<Votes>> votes;
   for (const TriangleMesh& mesh : world.tracer().meshes())
     votes.emplace_back(mesh.triangles.size());
+  // Deeper bounces lie on both sides of everything; what eye rays ask lies where eyes are.
+  int top = 0;
+  for (const SurfaceRecord& record : records) top = std::max(top, record.layer());
   for (const SurfaceRecord& record : records) {
+    if (record.layer() != top) continue;
     const Vec3d n = vector(record.normal).normalized();
     const double lift = 1e-4 * world.diagonal();
     const Hit hit =

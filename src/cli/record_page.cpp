@@ -219,6 +219,7 @@ std::vector<std::string> write_record_page(const std::filesystem::path& file,
                                               {"@DATA@", json},
                                               {"@DATA_VIEW@", text::kDataView},
                                               {"@SHADERS@", text::kShaders},
+                                              {"@RECORDS@", text::kRecords},
                                               {"@SCRIPT@", text::kScript}}));
   return warnings;
 }

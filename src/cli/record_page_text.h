@@ -8,6 +8,7 @@ extern const char* const kPage;
 extern const char* const kStyle;
 extern const char* const kDataView;
 extern const char* const kShaders;
+extern const char* const kRecords;
 extern const char* const kScript;
 
 }  // namespace brume::record_page_text

@@ -74,6 +74,8 @@ function mapColour(t) {
 const shown = (x, digits = 4) => {
   if (x === 0) return '0';
   const size = Math.abs(x);
-  return size >= 1e5 || size < 1e-3 ? x.toExponential(2) : String(Number(x.toPrecision(digits)));
+  const text = size >= 1e5 || size < 1e-3 ? x.toExponential(digits - 2) :
+                                            String(Number(x.toPrecision(digits)));
+  return text.replaceAll('-', '\u2212');  // A minus sign, at which no line breaks.
 };
 const shownList = (list) => list.map((x) => shown(x, 3)).join('\u2002');
