@@ -56,7 +56,9 @@ TEST(SmokyCornell, AFlightIsNamedCamerasThatMoveLittleAtATime) {
   ASSERT_TRUE(scene.cameras.contains("f00") && scene.cameras.contains("f23"));
   const Camera* last = nullptr;
   for (const auto& [name, camera] : scene.cameras) {
-    if (last) EXPECT_LT((camera.position - last->position).length(), 0.15) << name;
+    if (last) {
+      EXPECT_LT((camera.position - last->position).length(), 0.15) << name;
+    }
     last = &camera;
   }
 }
