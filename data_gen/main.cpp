@@ -252,6 +252,10 @@ int run_data_gen(int argc, char** argv) {
       ->capture_default_str();
   smoky->add_option("--size", cornell.size_px, "Width and height of the image, in pixels")
       ->capture_default_str();
+  smoky
+      ->add_option("--flight", cornell.flight_frames,
+                   "Also this many named cameras, f00, f01 ..., of a flight into the room")
+      ->capture_default_str();
   smoky->add_option("--seed", cornell.seed, "Seed of the smoke")->capture_default_str();
   smoky->callback([&] {
     cornell.threads = threads;

@@ -57,6 +57,21 @@ std::string mtl_text() {
   return out;
 }
 
+// From the upper left, outside, into the room and down to its right.
+SceneJson flight_cameras(int frames) {
+  SceneJson cameras = SceneJson::object();
+  for (int i = 0; i < frames; ++i) {
+    const double t = frames > 1 ? double(i) / (frames - 1) : 0;
+    const Vec3d position(-0.7 * std::cos(kPi * t), 1.25 - 0.5 * t, 3.4 - 1.7 * t);
+    const Vec3d look_at(0.15 * std::sin(kPi * t), 0.95 - 0.2 * t, -0.3);
+    std::string name = std::to_string(i);
+    if (name.size() < 2) name.insert(0, "0");
+    cameras["f" + name] = {
+        {"position", json_of(position)}, {"look_at", json_of(look_at)}, {"fov_deg", 37}};
+  }
+  return cameras;
+}
+
 SceneJson scene_json(const SmokyCornellOptions& options) {
   SceneJson materials = SceneJson::object(), names = SceneJson::object();
   for (const Paint& paint : paints()) {
@@ -123,6 +138,8 @@ std::vector<std::filesystem::path> write_smoky_cornell(const std::filesystem::pa
         "smoky-cornell: resolution: outside 2 to 1024: choose a number within");
   check(options.size_px >= 1 && options.size_px <= 16384,
         "smoky-cornell: size: outside 1 to 16384 pixels: choose a number within");
+  check(options.flight_frames >= 0 && options.flight_frames <= 1000,
+        "smoky-cornell: flight: outside 0 to 1000 cameras: choose a number within");
 
   const Lattice lattice = covering_lattice(kRoom, kRoom.size().x / (options.resolution - 1));
   const std::vector<std::filesystem::path> files{folder / "smoky_cornell.json", folder / "box.obj",
@@ -135,7 +152,9 @@ std::vector<std::filesystem::path> write_smoky_cornell(const std::filesystem::pa
   write_file_whole(files[2], mtl_text());
   write_file_whole(files[1], obj_text(box_parts(), "box.mtl"));
   // Last: a scene that is there has its files.
-  write_file_whole(files[0], scene_text(scene_json(options)));
+  SceneJson scene = scene_json(options);
+  if (options.flight_frames > 0) scene["cameras"] = flight_cameras(options.flight_frames);
+  write_file_whole(files[0], scene_text(scene));
   return files;
 }
 

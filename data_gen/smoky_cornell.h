@@ -12,6 +12,9 @@ namespace brume {
 struct SmokyCornellOptions {
   int resolution = 128;  // Nodes of the smoke along each axis; at least 2.
   int size_px = 512;     // Width and height of the image.
+  // Named cameras f00, f01 ... of a flight into the room, besides the one that is there; at most
+  // 1000.
+  int flight_frames = 0;
   std::uint64_t seed = 5;
   int threads = 0;
 };

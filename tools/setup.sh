@@ -12,10 +12,15 @@ packages=(
   libembree-dev libtbb-dev
   libopenimageio-dev openimageio-tools libimath-dev libopenexr-dev # its CMake file wants its tools
   libassimp-dev nlohmann-json3-dev libcli11-dev libxxhash-dev
+  libjs-three # inlined into the pages of `inspect --html`
 )
 case "${1:-}" in
   "") ;;
-  --dev) packages+=(libgtest-dev libgmock-dev libbenchmark-dev libnanovdb-dev python3 ccache) ;;
+  --dev)
+    packages+=(libgtest-dev libgmock-dev libbenchmark-dev libnanovdb-dev python3 ccache)
+    # Pages are looked at in a browser; Ubuntu has none but as a snap, and their tests are skipped there.
+    if grep -qx 'ID=debian' /etc/os-release; then packages+=(chromium); fi
+    ;;
   -h | --help)
     sed -n '2,6s/^# \{0,1\}//p' "$0"
     exit 0

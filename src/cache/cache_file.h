@@ -31,6 +31,8 @@ inline constexpr int kCacheFormatVersion = 1;
 struct CacheContents {
   CacheHeader header;
   std::vector<SurfaceRecord> records;  // In file order.
+  // Index in `records` of the end of each seal(), so that a copy can be cut into the same blocks.
+  std::vector<std::size_t> batch_ends;
   std::size_t sealed_blocks = 0;
   bool is_complete = false;  // Has a valid footer.
 };

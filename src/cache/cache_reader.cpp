@@ -100,6 +100,8 @@ class Reader {
     if (is_known) {
       const std::string wrong = take_records(block);
       if (!wrong.empty()) return wrong;
+      if ((block.flags & kBatchEnds) != 0)
+        contents().batch_ends.push_back(contents().records.size());
     }
     previous_ = block_header_sum(bytes);
     cumulative_ += block.count;

@@ -11,22 +11,6 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-std::string state_name(CacheState state) {
-  switch (state) {
-    case CacheState::Loaded:
-      return "loaded";
-    case CacheState::Missing:
-      return "missing";
-    case CacheState::Stale:
-      return "stale";
-    case CacheState::Corrupt:
-      return "corrupt";
-    case CacheState::Foreign:
-      return "foreign";
-  }
-  return "unknown";
-}
-
 // "; baked with cells [8,8], here [16,50]": which settings differ, if that is what made it stale.
 std::string settings_difference(const fs::path& file, const BakeSettings& settings) {
   const CacheOpening opening = open_cache(file, std::nullopt);
@@ -43,7 +27,7 @@ std::string settings_difference(const fs::path& file, const BakeSettings& settin
 }
 
 std::string refusal(const fs::path& file, const CacheOpening& opening, const std::string& remedy) {
-  return printable(file.string()) + ": " + state_name(opening.state) + ": " + opening.reason +
+  return printable(file.string()) + ": " + cache_state_name(opening.state) + ": " + opening.reason +
          ": " + remedy;
 }
 
@@ -72,6 +56,22 @@ void write_cache(const fs::path& file, const CacheHeader& header, const Irradian
 }
 
 }  // namespace
+
+std::string cache_state_name(CacheState state) {
+  switch (state) {
+    case CacheState::Loaded:
+      return "loaded";
+    case CacheState::Missing:
+      return "missing";
+    case CacheState::Stale:
+      return "stale";
+    case CacheState::Corrupt:
+      return "corrupt";
+    case CacheState::Foreign:
+      return "foreign";
+  }
+  return "unknown";
+}
 
 BakeSettings read_bake_settings(const std::string& json, const fs::path& file) {
   const Json all = Json::parse(json, nullptr, false);

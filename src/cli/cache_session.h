@@ -12,6 +12,9 @@
 
 namespace brume {
 
+// "loaded", "missing", "stale", "corrupt", "foreign".
+std::string cache_state_name(CacheState state);
+
 // A cache that must be there and be ours, with the settings it was baked with.
 struct OpenedCache {
   CacheHeader header;

@@ -2,14 +2,14 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <charconv>
 #include <cmath>
-#include <cstdio>
 #include <memory>
-#include <optional>
-#include <utility>
 
+#include "cli/diff_caches.h"
+#include "cli/diff_limits.h"
+#include "cli/file_magic.h"
 #include "cli/outputs.h"
+#include "cli/text_table.h"
 #include "core/error.h"
 #include "core/image.h"
 #include "render/false_colour.h"
@@ -25,44 +25,10 @@ struct DiffOptions {
   int blocks = 0;
 };
 
-using Metrics = std::vector<std::pair<std::string, double>>;
-
-struct Limit {
-  std::string metric;
-  double value = 0;
-};
-
 const std::vector<std::string>& metric_names() {
   static const std::vector<std::string> names{"mae", "rmse", "relmse",     "signed_mean",
                                               "p99", "flip", "max", "block_nrmse"};
   return names;
-}
-
-Limit parse_limit(const std::string& text, bool has_blocks) {
-  const std::size_t equals = text.find('=');
-  Limit limit{text.substr(0, equals), 0};
-  const std::string number = equals == std::string::npos ? "" : text.substr(equals + 1);
-  const char* const end = number.data() + number.size();
-  const auto [stopped, problem] = std::from_chars(number.data(), end, limit.value);
-  if (problem != std::errc() || stopped != end || !(limit.value >= 0))
-    throw Error(ErrorKind::Usage, "--fail-above: '" + printable(text, 60) +
-                                      "' does not read METRIC=V with V at least 0");
-  const auto& names = metric_names();
-  if (std::find(names.begin(), names.end(), limit.metric) == names.end()) {
-    std::string list;
-    for (const std::string& n : names) list += (list.empty() ? "" : ", ") + n;
-    throw Error(ErrorKind::Usage, "--fail-above: no metric is called '" + printable(limit.metric, 60) +
-                                      "': choose from " + list);
-  }
-  if (limit.metric == "block_nrmse" && !has_blocks)
-    throw Error(ErrorKind::Usage, "--fail-above block_nrmse: needs --blocks N");
-  return limit;
-}
-
-std::string number_text(double v) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.6g", v);
-  return text;
 }
 
 void write_picture(const std::string& file, const Picture& p) {
@@ -80,10 +46,25 @@ Picture heat_map(const std::vector<float>& relative, int width, int height, cons
                       {ColourMap::Diverging, -range, range, "(A-B)/B " + layer});
 }
 
+// Two caches, told by either: then the other must be one.
+bool names_caches(const DiffOptions& options) {
+  if (!has_cache_magic(options.a) && !has_cache_magic(options.b)) return false;
+  if (!options.layer.empty() || !options.heat_map.empty() || !options.flip_map.empty() ||
+      options.blocks > 0)
+    throw Error(ErrorKind::Usage, printable(options.a) +
+                                      ": of two caches there are no images: leave out --layer, "
+                                      "--heat-map, --flip-map and --blocks");
+  return true;
+}
+
 int run_diff(const DiffOptions& options, const CommandContext& context) {
-  std::vector<Limit> limits;
-  for (const std::string& text : options.fail_above)
-    limits.push_back(parse_limit(text, options.blocks > 0));
+  if (names_caches(options)) return diff_caches(options.a, options.b, options.fail_above, context);
+  std::vector<MetricLimit> limits;
+  for (const std::string& text : options.fail_above) {
+    limits.push_back(parse_metric_limit(text, metric_names()));
+    if (limits.back().metric == "block_nrmse" && options.blocks == 0)
+      throw Error(ErrorKind::Usage, "--fail-above block_nrmse: needs --blocks N");
+  }
 
   const Image a = read_image(options.a).image, b = read_image(options.b).image;
   if (a.width != b.width || a.height != b.height) {
@@ -111,23 +92,14 @@ int run_diff(const DiffOptions& options, const CommandContext& context) {
 
   if (context.json) {
     Json object = Json::object();
-    for (const auto& [name, value] : metrics) object[name] = value;
+    for (const auto& [name, value] : metrics) object[name] = *value;
     print_json(context, object);
   } else {
     for (const auto& [name, value] : metrics)
-      context.out << name << std::string(13 - name.size(), ' ') << number_text(value) << '\n';
+      context.out << name << std::string(13 - name.size(), ' ') << shown_number(*value) << '\n';
   }
 
-  std::string over;
-  for (const Limit& limit : limits) {
-    const double value =
-        std::find_if(metrics.begin(), metrics.end(), [&](const auto& m) { return m.first == limit.metric; })
-            ->second;
-    // Either way round is a difference; not-a-number is never within a limit.
-    if (std::abs(value) <= limit.value) continue;
-    over += (over.empty() ? "" : ", ") + limit.metric + " " + number_text(value) + " is above " +
-            number_text(limit.value);
-  }
+  const std::string over = metrics_over(metrics, limits);
   if (!over.empty())
     throw Error(ErrorKind::Threshold, printable(options.a) + ": " + shown + ": " + over +
                                           ": compared with " + printable(options.b));
@@ -138,24 +110,35 @@ int run_diff(const DiffOptions& options, const CommandContext& context) {
 
 void add_diff_command(CLI::App& app, CommandContext& context) {
   const auto options = std::make_shared<DiffOptions>();
-  CLI::App* verb = app.add_subcommand("diff", "Measure how far image A is from the reference B");
-  verb->add_option("A", options->a, "Image to judge (EXR, HDR, PNG, PFM, TIFF)")->required();
-  verb->add_option("B", options->b, "Reference of the same size")->required();
-  verb->add_option("--layer", options->layer, "Layer to compare (default: beauty)")->type_name("NAME");
+  CLI::App* verb = app.add_subcommand(
+      "diff", "Measures how far A is from the reference B: two images, or two caches");
+  verb->add_option("A", options->a, "Image to judge (EXR, HDR, PNG, PFM, TIFF), or a cache")
+      ->required();
+  verb->add_option("B", options->b, "Reference: an image of the same size, or a cache")->required();
+  verb->add_option("--layer", options->layer, "Images: layer to compare (default: beauty)")
+      ->type_name("NAME");
   verb->add_option("--heat-map", options->heat_map,
-                   "Write the signed relative difference as a PNG with a legend")
+                   "Images: write the signed relative difference as a PNG with a legend")
       ->type_name("PNG");
-  verb->add_option("--flip-map", options->flip_map, "Write the FLIP error as a PNG with a legend")
+  verb->add_option("--flip-map", options->flip_map,
+                   "Images: write the FLIP error as a PNG with a legend")
       ->type_name("PNG");
   verb->add_option("--fail-above", options->fail_above,
                    "Exit with 5 if METRIC is above V; may be repeated")
       ->type_name("METRIC=V")
       ->allow_extra_args(false);
   verb->add_option("--blocks", options->blocks,
-                   "Also compare means of N x N pixels (block_nrmse), which leaves bias and drops noise")
+                   "Images: also compare means of N x N pixels (block_nrmse), which leaves bias "
+                   "and drops noise")
       ->type_name("N")
       ->check(CLI::Range(1, 65536));
-  verb->footer(R"(Examples:
+  verb->footer(
+      R"(Of caches, records are the same one where bounce and key agree: only_a, only_b, equal and different count
+them, mae to max tell of irradiance where both have it, gradient_rmse and radius_rmse of the rest; answers_*
+compare what A answers with the records of B, whatever their keys. All but the counts are relative to B's mean.
+
+Examples:
+  brume diff a.irc b.irc --fail-above different=0 --fail-above only_b=0
   brume diff shot.exr reference.exr
   brume diff shot.exr reference.exr --layer diffuse_indirect --fail-above relmse=0.01 --json)");
   verb->callback([options, &context] {

@@ -5,7 +5,10 @@
 
 #include "cache/cache_file.h"
 #include "cache/irradiance_cache.h"
+#include "cli/cache_input.h"
+#include "cli/cache_session.h"
 #include "cli/outputs.h"
+#include "cli/record_page.h"
 #include "cli/text_table.h"
 #include "core/error.h"
 
@@ -27,12 +30,6 @@ std::string shown_vector(const Vec3d& v) {
 }
 
 std::string shown_colour(const RgbD& c) { return shown_vector({c.r, c.g, c.b}); }
-
-std::string shown_key(std::uint64_t key) {
-  char text[20];
-  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(key));
-  return text;
-}
 
 // Counts of positive values in bins of equal ratio; zeros apart, as they have no logarithm.
 struct Histogram {
@@ -73,6 +70,7 @@ struct Histogram {
 struct Summary {
   std::map<int, std::map<int, std::size_t>> counts;  // By layer, by wave.
   std::optional<Box3d> bounds;                       // World space.
+  bool is_partial = false;  // Of an unfinished view, or what a filter left.
   std::vector<double> radii, relative_errors, gradients;
 };
 
@@ -80,6 +78,7 @@ Summary summarise(const CacheContents& contents) {
   Summary summary;
   for (const SurfaceRecord& record : contents.records) {
     ++summary.counts[record.layer()][record.wave()];
+    summary.is_partial |= (record.flags & kUnfinishedViewFlag) != 0;
     const Vec3d p = contents.header.origin + vector(record.position);
     if (is_finite(p)) {
       if (!summary.bounds) summary.bounds.emplace();
@@ -100,7 +99,8 @@ Json histogram_json(const Histogram& histogram) {
   object["edges"] = Json::array();
   object["counts"] = Json::array();
   if (histogram.has_bins()) {
-    for (std::size_t i = 0; i <= Histogram::kBins; ++i) object["edges"].push_back(histogram.edge(i));
+    for (std::size_t i = 0; i <= Histogram::kBins; ++i)
+      object["edges"].push_back(histogram.edge(i));
     object["counts"] = histogram.counts;
   }
   return object;
@@ -119,18 +119,13 @@ Json record_json(const SurfaceRecord& record, const Vec3d& origin, std::size_t i
   object["gradient"] = json_of(gradient_of(record));
   object["gradient_rotational"] = Json::array();
   for (int c = 0; c < 3; ++c)
-    object["gradient_rotational"].push_back({record.rotational[2 * c], record.rotational[2 * c + 1]});
+    object["gradient_rotational"].push_back(
+        {record.rotational[2 * c], record.rotational[2 * c + 1]});
   object["axis"] = record.axis;
   object["radius"] = {record.radius[0], record.radius[1]};
   object["error"] = record.error;
   object["media_share"] = record.media_share;
   return object;
-}
-
-// Settings are a person's JSON text; one that does not parse is still shown.
-Json settings_json(const std::string& text) {
-  Json settings = Json::parse(text, nullptr, false);
-  return settings.is_discarded() ? Json(printable(text)) : settings;
 }
 
 struct Answers {
@@ -175,7 +170,7 @@ Json answers_json(const Answers& answers, const IrradianceCache& cache) {
   object["records"] = Json::array();
   for (const RecordWeight& part : answers.parts) {
     Json record = record_json(*part.record, cache.origin(),
-                          static_cast<std::size_t>(part.record - cache.records().data()));
+                              static_cast<std::size_t>(part.record - cache.records().data()));
     record["weight"] = part.weight;
     record["extrapolated"] = json_of(part.extrapolated);
     object["records"].push_back(record);
@@ -196,8 +191,8 @@ void print_histogram(std::ostream& out, const std::string& title, const Histogra
     // What is there is seen, be it one record of a million.
     const std::size_t length = (count * kWidth + highest - 1) / highest;
     out << "  " << label << std::string(label.size() < 26 ? 26 - label.size() : 1, ' ')
-        << std::string(length, '#') << std::string(length < kWidth ? kWidth - length : 0, ' ') << ' '
-        << count << '\n';
+        << std::string(length, '#') << std::string(length < kWidth ? kWidth - length : 0, ' ')
+        << ' ' << count << '\n';
   };
   if (histogram.zeros > 0) bar("0", histogram.zeros);
   if (histogram.has_bins())
@@ -252,8 +247,8 @@ void print_answers(std::ostream& out, const Answers& answers, const IrradianceCa
 void print_summary(std::ostream& out, const std::filesystem::path& file, const CacheCheck& check,
                    const Summary& summary) {
   const CacheContents& contents = check.opening.contents;
-  out << printable(file.string()) << ": irradiance cache, format "
-      << kCacheFormatVersion << '.' << contents.header.format_minor << '\n';
+  out << printable(file.string()) << ": irradiance cache, format " << kCacheFormatVersion << '.'
+      << contents.header.format_minor << '\n';
   print_row(out, "creator", printable(contents.header.creator));
   print_row(out, "fingerprint", contents.header.fingerprint.hex());
   print_row(out, "settings", printable(contents.header.settings, CacheHeader::kMaxSettingsBytes));
@@ -261,18 +256,22 @@ void print_summary(std::ostream& out, const std::filesystem::path& file, const C
   if (summary.bounds)
     print_row(out, "bounds",
               shown_vector(summary.bounds->min) + "  to  " + shown_vector(summary.bounds->max));
-  print_row(out, "records", std::to_string(contents.records.size()) + " on surfaces, 0 in volumes, in " +
-                                std::to_string(contents.sealed_blocks) + " blocks");
+  print_row(out, "records",
+            std::to_string(contents.records.size()) + " on surfaces, 0 in volumes, in " +
+                std::to_string(contents.sealed_blocks) + " blocks");
   print_row(out, "bad records", std::to_string(check.bad_records));
-  print_row(out, "valid bytes", std::to_string(check.valid_bytes) + " of " +
-                                    std::to_string(check.file_bytes) +
-                                    (contents.is_complete ? ", complete" : ""));
+  print_row(out, "valid bytes",
+            std::to_string(check.valid_bytes) + " of " + std::to_string(check.file_bytes) +
+                (contents.is_complete ? ", complete" : ""));
+  if (summary.is_partial)
+    print_row(out, "part", "of a view or of another cache: `bake --cache-mode missing` goes on");
   for (const auto& [layer, waves] : summary.counts) {
     std::size_t total = 0;
     std::string by_wave;
     for (const auto& [wave, count] : waves) {
       total += count;
-      by_wave += (by_wave.empty() ? "" : ", ") + std::to_string(wave) + ": " + std::to_string(count);
+      by_wave +=
+          (by_wave.empty() ? "" : ", ") + std::to_string(wave) + ": " + std::to_string(count);
     }
     print_row(out, "layer " + std::to_string(layer),
               std::to_string(total) + " records; by wave " + by_wave);
@@ -296,6 +295,7 @@ Json summary_json(const CacheCheck& check, const Summary& summary) {
   object["sealed_blocks"] = contents.sealed_blocks;
   object["bad_records"] = check.bad_records;
   object["complete"] = contents.is_complete;
+  object["partial"] = summary.is_partial;
   object["valid_bytes"] = check.valid_bytes;
   object["file_bytes"] = check.file_bytes;
   if (check.opening.state != CacheState::Loaded) object["fault"] = check.opening.reason;
@@ -309,15 +309,57 @@ Json summary_json(const CacheCheck& check, const Summary& summary) {
   return object;
 }
 
+// Surfaces are those the records were baked on, or a warning tells.
+void warn_of_another_scene(const std::filesystem::path& file, const CacheContents& contents,
+                           const World& world, const CommandContext& context) {
+  bool is_its_own = false;
+  try {
+    const BakeSettings settings = read_bake_settings(contents.header.settings, file);
+    is_its_own = bake_fingerprint(world, settings) == contents.header.fingerprint;
+  } catch (const Error&) {  // Settings of another version: nothing is known of its scene.
+  }
+  if (!is_its_own)
+    context.warn(printable(file.string()) + ": was not baked from this scene as it is now");
+}
+
+void write_page(const std::filesystem::path& file, const CacheContents& contents,
+                const InspectCacheOptions& options, const SceneOptions& scene_options,
+                const CommandContext& context) {
+  RecordPageOptions page;
+  page.title = file.filename().string();
+  page.three_js = options.three_js;
+  page.facts = {{"creator", contents.header.creator},
+                {"fingerprint", contents.header.fingerprint.hex()}};
+  const Json settings = settings_json(contents.header.settings);
+  if (settings.is_object())
+    for (const auto& [key, value] : settings.items()) page.facts.emplace_back(key, value.dump());
+  std::optional<World> world;
+  if (!scene_options.file.empty()) {
+    const Scene scene = load_scene_verbosely(scene_options, context);
+    page.up = scene.up;
+    page.camera = scene.camera;
+    if (!page.camera && !scene.cameras.empty()) page.camera = scene.cameras.begin()->second;
+    world.emplace(scene);
+    warn_of_another_scene(file, contents, *world, context);
+    page.world = &*world;
+  }
+  for (const std::string& warning : write_record_page(options.html, contents, page))
+    context.warn(warning);
+  context.note(printable(options.html.string()) + ": written; any browser opens it");
+}
+
 }  // namespace
 
 int inspect_cache(const std::filesystem::path& file, const InspectCacheOptions& options,
-                  CommandContext& context) {
-  // Both ways read every byte and check every sum and value; a deep one goes on after what is wrong.
+                  const SceneOptions& scene, CommandContext& context) {
+  if (!options.html.empty()) check_writable(options.html);
+  // Both ways read every byte and check every sum and value; a deep one goes on after what is
+  // wrong.
   CacheCheck check = check_cache(file);
   const bool is_sound = check.opening.state == CacheState::Loaded;
-  const bool is_readable = is_sound || (options.deep && check.opening.state == CacheState::Corrupt &&
-                                        check.valid_bytes > 0);
+  const bool is_readable =
+      is_sound ||
+      (options.deep && check.opening.state == CacheState::Corrupt && check.valid_bytes > 0);
   const auto fault = [&] {
     return Error(ErrorKind::InvalidInput, file.string() + ": " + check.opening.reason);
   };
@@ -359,6 +401,7 @@ int inspect_cache(const std::filesystem::path& file, const InspectCacheOptions& 
     if (options.records) print_records(context.out, contents, range.first, range.second);
     if (answers) print_answers(context.out, *answers, *cache);
   }
+  if (!options.html.empty()) write_page(file, contents, options, scene, context);
   if (!is_sound) throw fault();
   return 0;
 }

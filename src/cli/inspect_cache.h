@@ -1,4 +1,5 @@
-// What a cache file holds: header, counts, bounds and histograms; single records; who answers at a point.
+// What a cache file holds: header, counts, bounds and histograms; single records; who answers at a
+// point.
 #pragma once
 
 #include <cstddef>
@@ -7,6 +8,7 @@
 #include <utility>
 
 #include "cli/command.h"
+#include "cli/shared_options.h"
 #include "core/math.h"
 
 namespace brume {
@@ -20,11 +22,14 @@ struct InspectCacheOptions {
   double min_radius = 0;     // Of `at`.
   // Goes on after bad records and says what precedes the damage of a damaged file.
   bool deep = false;
+  std::filesystem::path html;      // Also writes a page that shows the records; empty: none.
+  std::filesystem::path three_js;  // Of the page; empty: the system's.
 };
 
-// Returns 0. Throws Error(InvalidInput) with the one-line reason for a file that is missing, damaged,
-// unfinished or no cache; with `deep`, after what precedes the damage was printed.
+// Returns 0. Throws Error(InvalidInput) with the one-line reason for a file that is missing,
+// damaged, unfinished or no cache; with `deep`, after what precedes the damage was printed.
+// `scene`, where it names a file, gives the page its surfaces.
 int inspect_cache(const std::filesystem::path& file, const InspectCacheOptions& options,
-                  CommandContext& context);
+                  const SceneOptions& scene, CommandContext& context);
 
 }  // namespace brume

@@ -1,5 +1,6 @@
 // brume inspect: what a cache or a .vdb file holds, known by its first bytes.
 #include "cli/commands.h"
+#include "cli/environment.h"
 #include "cli/file_magic.h"
 #include "cli/inspect_cache.h"
 #include "cli/inspect_grids.h"
@@ -13,12 +14,13 @@ namespace {
 
 struct InspectOptions {
   std::filesystem::path file;
-  SceneOptions grids;
+  SceneOptions scene;  // Of a .vdb file only limits and policies.
   InspectCacheOptions cache;
   std::optional<double> min_radius;
 
   bool has_cache_options() const {
-    return cache.records || cache.at || cache.normal || cache.layer || cache.deep || min_radius;
+    return cache.records || cache.at || cache.normal || cache.layer || cache.deep || min_radius ||
+           !cache.html.empty() || !scene.file.empty();
   }
 };
 
@@ -42,15 +44,18 @@ int inspect(const InspectOptions& options, CommandContext& context) {
     if (options.has_cache_options())
       throw Error(ErrorKind::Usage, printable(options.file.string()) +
                                         ": is a .vdb file: leave out the options for caches");
-    inspect_grids(options.file, options.grids.file_options().grids, context);
+    inspect_grids(options.file, options.scene.file_options().grids, context);
     return 0;
   }
   InspectCacheOptions cache = options.cache;
   cache.min_radius = options.min_radius.value_or(0);
-  return inspect_cache(options.file, cache, context);
+  if (cache.html.empty() && !options.scene.file.empty())
+    throw Error(ErrorKind::Usage, printable(options.scene.file.string()) +
+                                      ": a scene is for the page alone: add --html FILE");
+  return inspect_cache(options.file, cache, options.scene, context);
 }
 
-void add_cache_options(CLI::App& verb, InspectOptions& options) {
+void add_cache_options(CLI::App& verb, CommandContext& context, InspectOptions& options) {
   const auto of_caches = [](CLI::Option* option) { option->group("Caches"); };
   const auto vector = [](const std::string& option, const std::string& text) {
     return std::optional<Vec3d>(parse_vector(option, text));
@@ -71,6 +76,13 @@ void add_cache_options(CLI::App& verb, InspectOptions& options) {
                        "With --at: records act as if at least this wide, in scene units"));
   of_caches(verb.add_flag("--deep", options.cache.deep,
                           "Checks every byte and value, and shows what precedes any damage"));
+  of_caches(add_path(verb, "--html", options.cache.html, "FILE",
+                     "Also writes a page with a 3-D view of the records, over SCENE's surfaces if "
+                     "one is named"));
+  of_caches(with_environment(context, verb,
+                             add_path(verb, "--three-js", options.cache.three_js, "FILE",
+                                      "With --html: three.min.js to put into the page (default: "
+                                      "the package libjs-three)")));
 }
 
 }  // namespace
@@ -82,11 +94,12 @@ void add_inspect_command(CLI::App& app, CommandContext& context) {
           "FILE", [options](const std::string& text) { options->file = text; },
           "A cache or a .vdb file, known by its first bytes")
       ->required();
-  add_cache_options(*verb, *options);
-  add_grid_options(*verb, context, options->grids);
+  add_scene_options(*verb, context, options->scene, SceneArgument::Optional);
+  add_cache_options(*verb, context, *options);
   verb->footer(R"(Examples:
   brume inspect shot.irc --deep
   brume inspect shot.irc --at 0,0.5,0 --json
+  brume inspect shot.irc shot.json --html shot.html
   brume inspect smoke.vdb)");
   verb->callback([options, &context] {
     context.action = [options, &context] { return inspect(*options, context); };

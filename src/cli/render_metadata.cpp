@@ -41,6 +41,7 @@ ImageMetadata render_metadata(const RenderProvenance& p) {
   ImageMetadata data;
   data["software"] = program_version();
   data["worldToCamera"] = p.rays.world_to_camera();
+  data["brume:fovDeg"] = p.rays.fov_deg();
   data["brume:sceneHash"] = p.scene_fingerprint.hex();
   if (p.cache_fingerprint) data["brume:cacheHash"] = p.cache_fingerprint->hex();
   data["brume:samples"] = integer(p.samples);

@@ -157,6 +157,9 @@ void build(CLI::App& app, CommandContext& context) {
   add_verify_command(app, context);
   add_probe_command(app, context);
   add_diff_command(app, context);
+  add_filter_command(app, context);
+  add_convert_command(app, context);
+  add_flicker_command(app, context);
   add_scene_commands(app, context);
   add_help_command(app, context);
   for (CLI::App* verb : app.get_subcommands([](CLI::App*) { return true; })) verb->group("Verbs");

@@ -64,11 +64,12 @@ void add_grid_options(CLI::App& app, CommandContext& context, SceneOptions& opti
                      "Refuse grids with more voxels (default 2^33)"));
 }
 
-void add_scene_options(CLI::App& app, CommandContext& context, SceneOptions& options) {
+void add_scene_options(CLI::App& app, CommandContext& context, SceneOptions& options,
+                       SceneArgument argument) {
   app.add_option_function<std::string>(
          "SCENE", [&options](const std::string& text) { options.file = text; },
          "Scene file (JSON), or a .vdb file: then camera, light and ground are chosen, and said")
-      ->required();
+      ->required(argument == SceneArgument::Required);
   app.add_option("-D,--define", options.load.overrides,
                  "Overrides one value of the scene file, repeatable: -D /render/bounces=2")
       ->type_name("/POINTER=VALUE")

@@ -25,7 +25,9 @@ struct SceneOptions {
 };
 
 // The positional SCENE, -D and everything about loading.
-void add_scene_options(CLI::App& app, CommandContext& context, SceneOptions& options);
+enum class SceneArgument { Required, Optional };
+void add_scene_options(CLI::App& app, CommandContext& context, SceneOptions& options,
+                       SceneArgument argument = SceneArgument::Required);
 // Only limits and policies of .vdb files (inspect).
 void add_grid_options(CLI::App& app, CommandContext& context, SceneOptions& options);
 

@@ -1,4 +1,5 @@
 // brume verify: a cache's answers against brute force.
+#include "cli/cache_input.h"
 #include "cli/cache_session.h"
 #include "cli/commands.h"
 #include "cli/environment.h"
@@ -7,6 +8,7 @@
 #include "cli/text_table.h"
 #include "cli/values.h"
 #include "core/error.h"
+#include "core/staged_file.h"
 #include "study/verify.h"
 
 namespace brume {
@@ -19,8 +21,23 @@ struct VerifyCommandOptions {
   std::optional<Size2> cells;
   std::optional<std::uint64_t> seed;
   std::optional<double> max_rmse;
+  std::optional<int> worst_points;
+  bool is_saved = false;
 };
 
+std::filesystem::path saved_result(const std::filesystem::path& cache_file) {
+  return cache_file.string() + ".verify.json";
+}
+
+Json point_json(const VerifyPoint& point) {
+  return {{"position", json_of(point.position)},
+          {"normal", json_of(point.normal)},
+          {"cached", point.cached},
+          {"reference", point.reference},
+          {"relative_error", point.relative_error()}};
+}
+
+// All but the time it took: the same cache, scene and options give the same text.
 Json verification_json(const Verification& v) {
   Json all = Json::object();
   all["points"] = v.points;
@@ -28,12 +45,9 @@ Json verification_json(const Verification& v) {
   all["bias"] = v.bias;
   all["rmse"] = v.rmse;
   all["p95"] = v.p95;
-  all["worst"] = {{"position", json_of(v.worst.position)},
-                  {"normal", json_of(v.worst.normal)},
-                  {"cached", v.worst.cached},
-                  {"reference", v.worst.reference},
-                  {"relative_error", v.worst.relative_error()}};
-  all["seconds"] = v.seconds;
+  all["worst"] = v.worst.empty() ? Json() : point_json(v.worst.front());
+  all["worst_points"] = Json::array();
+  for (const VerifyPoint& point : v.worst) all["worst_points"].push_back(point_json(point));
   return all;
 }
 
@@ -43,15 +57,40 @@ void print_verification(std::ostream& out, const Verification& v) {
                     {"uncovered", std::to_string(v.uncovered)},
                     {"bias", percent(v.bias)},
                     {"rmse", percent(v.rmse)},
-                    {"p95", percent(v.p95)},
-                    {"worst", percent(v.worst.relative_error())}});
-  out << "worst at " << shown_number(v.worst.position.x) << ',' << shown_number(v.worst.position.y)
-      << ',' << shown_number(v.worst.position.z) << ": " << shown_number(v.worst.cached)
-      << " from records, " << shown_number(v.worst.reference) << " by brute force\n";
+                    {"p95", percent(v.p95)}});
+  if (v.worst.empty()) return;
+  std::vector<std::vector<std::string>> rows{
+      {"worst at", "normal", "from records", "brute force", "error"}};
+  const auto vector = [](const Vec3d& p) {
+    return shown_number(p.x) + "," + shown_number(p.y) + "," + shown_number(p.z);
+  };
+  for (const VerifyPoint& p : v.worst)
+    rows.push_back({vector(p.position), vector(p.normal), shown_number(p.cached),
+                    shown_number(p.reference), percent(p.relative_error())});
+  out << '\n';
+  print_table(out, rows);
+}
+
+// C.irc.verify.json: the result with what it holds for.
+void save(const VerifyCommandOptions& options, const VerifyOptions& used, const OpenedCache& opened,
+          const Verification& v) {
+  Json all = Json::object();
+  all["fingerprint"] = opened.header.fingerprint.hex();
+  all["records"] = opened.cache.records().size();
+  all["settings"] = settings_json(opened.header.settings);
+  all["cells"] = {used.cells_theta, used.cells_phi};
+  all["seed"] = used.seed;
+  all.update(verification_json(v));
+  if (options.max_rmse) {
+    all["max_rmse"] = *options.max_rmse;
+    all["passed"] = v.rmse <= *options.max_rmse;
+  }
+  write_file_whole(saved_result(options.cache_file), all.dump(2) + '\n');
 }
 
 int verify(const VerifyCommandOptions& options, const CommandContext& context) {
   if (!context.stats_file.empty()) check_writable(context.stats_file);
+  if (options.is_saved) check_writable(saved_result(options.cache_file));
   Statistics statistics;
   const Scene scene =
       statistics.timed("load", [&] { return load_scene_verbosely(options.scene, context); });
@@ -67,14 +106,18 @@ int verify(const VerifyCommandOptions& options, const CommandContext& context) {
     verify_options.cells_phi = options.cells->y;
   }
   if (options.seed) verify_options.seed = *options.seed;
+  if (options.worst_points) verify_options.worst_points = *options.worst_points;
   verify_options.threads = context.threads;
   const Verification v = statistics.timed("verify", [&] {
     return verify_cache(lighting, opened.settings, opened.cache, verify_options);
   });
   statistics.records = opened.cache.records().size();
-  statistics.details["verification"] = verification_json(v);
+  Json result = verification_json(v);
+  result["seconds"] = v.seconds;
+  statistics.details["verification"] = result;
+  if (options.is_saved) save(options, verify_options, opened, v);
   if (context.json)
-    print_json(context, verification_json(v));
+    print_json(context, result);
   else
     print_verification(context.out, v);
   CommandContext stats_alone = context;
@@ -119,11 +162,17 @@ void add_verify_command(CLI::App& app, CommandContext& context) {
   add_number(*verb, "--max-rmse", options->max_rmse, 0, 1e6,
              "Exit code 5 where the relative RMSE is above this")
       ->group("Verification");
+  add_integer(*verb, "--worst", options->worst_points, 0, 1'000'000,
+              "How many of the worst points are listed (default 5)")
+      ->group("Verification");
+  verb->add_flag("--save", options->is_saved,
+                 "Also writes the result beside the cache, as CACHE.verify.json")
+      ->group("Verification");
   verb->footer(R"(The cache's own settings are used; numbers are relative to the mean irradiance.
 
 Examples:
   brume verify shot.irc shot.json
-  brume verify shot.irc shot.json --points 500 --max-rmse 0.05 --json)");
+  brume verify shot.irc shot.json --points 500 --max-rmse 0.05 --save --json)");
   verb->callback([options, &context] {
     context.action = [options, &context] { return verify(*options, context); };
   });

@@ -25,6 +25,13 @@ bool denormals_are_flushed() {
   return (_mm_getcsr() & both) == both;
 }
 
+DenormalsKept::DenormalsKept() : were_flushed_(denormals_are_flushed()) {
+  _mm_setcsr(_mm_getcsr() & ~(kFlushToZero | kDenormalsAreZero));
+}
+DenormalsKept::~DenormalsKept() {
+  if (were_flushed_) flush_denormals();
+}
+
 int resolve_thread_count(int requested) {
   if (requested > 0) return requested;
   if (const char* slurm = std::getenv("SLURM_CPUS_PER_TASK")) {

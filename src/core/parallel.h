@@ -11,6 +11,19 @@ namespace brume {
 void flush_denormals();
 bool denormals_are_flushed();
 
+// Denormals are numbers like others on this thread while it lives: for text that must hold every
+// float there is.
+class DenormalsKept {
+ public:
+  DenormalsKept();
+  ~DenormalsKept();
+  DenormalsKept(const DenormalsKept&) = delete;
+  DenormalsKept& operator=(const DenormalsKept&) = delete;
+
+ private:
+  bool were_flushed_;
+};
+
 // 0 means SLURM_CPUS_PER_TASK, else the CPUs this process may run on.
 int resolve_thread_count(int requested);
 

@@ -28,6 +28,8 @@ Ray CameraRays::ray(double x, double y) const {
   return {position_, (forward_ + right_ * sx + up_ * sy).normalized()};
 }
 
+double CameraRays::fov_deg() const { return std::atan(half_height_) * 360 / kPi; }
+
 // The camera looks along -z with y up, as EXR viewers expect.
 std::array<float, 16> CameraRays::world_to_camera() const {
   const Vec3d rows[3] = {right_, up_, -forward_};

@@ -15,6 +15,7 @@ class CameraRays {
   Ray ray(double x, double y) const;
   // Width of a pixel at distance 1 on the axis; times the distance it is a footprint.
   double pixel_angle() const { return pixel_angle_; }
+  double fov_deg() const;  // Vertical.
   const Vec3d& forward() const { return forward_; }
   // Row-major world-to-camera matrix for image metadata.
   std::array<float, 16> world_to_camera() const;

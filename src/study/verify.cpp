@@ -54,10 +54,9 @@ Verification verify_cache(const Lighting& lighting, const BakeSettings& settings
       static_cast<std::size_t>(resolve_thread_count(options.threads)));
   parallel_for_slots(options.threads, outcomes.size(), 1, [&](std::size_t i, int slot) {
     RandomStream random(random_key(options.seed, 0x766572ULL, i));
-    const SurfaceRecord& r =
-        *top[std::min(top.size() - 1, static_cast<std::size_t>((double(i) + random.uniform()) /
-                                                                double(outcomes.size()) *
-                                                                double(top.size())))];
+    const SurfaceRecord& r = *top[std::min(
+        top.size() - 1, static_cast<std::size_t>((double(i) + random.uniform()) /
+                                                 double(outcomes.size()) * double(top.size())))];
     const Vec3d p = Vec3d(r.position[0], r.position[1], r.position[2]) + cache.origin();
     const Vec3d n = Vec3d(r.normal[0], r.normal[1], r.normal[2]).normalized();
     const auto hit = near_record(world, p, n, r.radius[0], random);
@@ -98,11 +97,15 @@ Verification verify_cache(const Lighting& lighting, const BakeSettings& settings
     bias += o.point.cached - o.point.reference;
     squares += e * e;
     errors.push_back(std::abs(e));
-    if (errors.size() == 1 || std::abs(e) > std::abs(v.worst.relative_error())) v.worst = o.point;
+    v.worst.push_back(o.point);
   }
   v.bias = mean > 0 ? bias / v.points / mean : 0;
   v.rmse = std::sqrt(squares / v.points);
   std::sort(errors.begin(), errors.end());
+  std::stable_sort(v.worst.begin(), v.worst.end(), [](const VerifyPoint& a, const VerifyPoint& b) {
+    return std::abs(a.relative_error()) > std::abs(b.relative_error());
+  });
+  v.worst.resize(std::min(v.worst.size(), static_cast<std::size_t>(options.worst_points)));
   v.p95 = errors[static_cast<std::size_t>(0.95 * double(errors.size() - 1))];
   v.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return v;

@@ -12,6 +12,7 @@ struct VerifyOptions {
   int points = 64;
   int cells_theta = 64, cells_phi = 201;  // Of the brute-force gathers.
   std::uint64_t seed = 1;
+  int worst_points = 5;  // How many of Verification::worst.
   int threads = 0;
 };
 
@@ -26,7 +27,7 @@ struct VerifyPoint {
 struct Verification {
   int points = 0, uncovered = 0;
   double bias = 0, rmse = 0, p95 = 0;
-  VerifyPoint worst;
+  std::vector<VerifyPoint> worst;  // By size of the relative error, the largest first.
   double seconds = 0;
 };
 

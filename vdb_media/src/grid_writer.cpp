@@ -1,22 +1,12 @@
 #include "vdb_media/grid_writer.h"
 
-#include <openvdb/openvdb.h>
 #include <openvdb/tools/Prune.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <array>
-#include <cerrno>
 #include <cmath>
-#include <cstring>
-#include <system_error>
 
-#include "child_process.h"
 #include "core/error.h"
-#include "core/hash.h"
-#include "core/staged_file.h"
-#include "unique_fd.h"
+#include "vdb_archive.h"
 
 namespace brume {
 namespace {
@@ -24,18 +14,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr float kLargestHalf = 65504.0f, kSmallestHalf = 0x1p-24f;
-
-[[noreturn]] void fail(const fs::path& file, const std::string& what, int error) {
-  throw Error(ErrorKind::Resource,
-              file.string() + ": " + what + ": " + std::generic_category().message(error));
-}
-
-openvdb::math::Transform::Ptr to_transform(const Affine3d& a) {
-  openvdb::math::Mat4d m = openvdb::math::Mat4d::identity();  // Acts on row vectors.
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 4; ++j) m(j, i) = a.m[std::size_t(i)][std::size_t(j)];
-  return openvdb::math::Transform::createLinearTransform(m);
-}
 
 void check(const fs::path& file, const GridToWrite& g) {
   const auto refuse = [&](const std::string& what) {
@@ -105,45 +83,6 @@ openvdb::GridBase::Ptr to_openvdb(const GridToWrite& g) {
   return grid;
 }
 
-// OpenVDB stamps each file with a random UUID, in text, after magic, versions and a flag. Ours is a
-// hash of the rest, so that equal grids make equal files.
-void stamp(const fs::path& file, std::vector<char>& bytes) {
-  constexpr std::size_t kOffset = 8 + 4 + 4 + 4 + 1, kSize = 36;
-  const auto is_uuid = [&] {
-    if (bytes.size() < kOffset + kSize) return false;
-    for (std::size_t i = 0; i < kSize; ++i) {
-      const bool dash = i == 8 || i == 13 || i == 18 || i == 23;
-      const char c = bytes[kOffset + i];
-      if (dash ? c != '-' : !std::isxdigit(static_cast<unsigned char>(c))) return false;
-    }
-    return true;
-  };
-  if (!is_uuid())
-    throw Error(ErrorKind::Internal,
-                file.string() + ": this OpenVDB keeps its UUID at another place");
-  std::fill_n(bytes.begin() + kOffset, kSize, '0');
-  const std::string hex = FingerprintBuilder().add_bytes(bytes.data(), bytes.size()).finish().hex();
-  std::string uuid;
-  for (std::size_t i = 0; i < hex.size(); ++i) {
-    if (i == 8 || i == 12 || i == 16 || i == 20) uuid += '-';
-    uuid += hex[i];
-  }
-  std::copy(uuid.begin(), uuid.end(), bytes.begin() + kOffset);
-}
-
-std::vector<char> read_whole(const fs::path& file, int fd) {
-  struct stat s {};
-  if (::fstat(fd, &s) != 0) fail(file, "cannot be read back", errno);
-  std::vector<char> bytes(static_cast<std::size_t>(s.st_size));
-  std::size_t done = 0;
-  while (done < bytes.size()) {
-    const ssize_t got = ::pread(fd, bytes.data() + done, bytes.size() - done, off_t(done));
-    if (got <= 0) fail(file, "cannot be read back", got < 0 ? errno : EIO);
-    done += static_cast<std::size_t>(got);
-  }
-  return bytes;
-}
-
 }  // namespace
 
 std::vector<std::string> write_grids(const fs::path& file, const std::vector<GridToWrite>& grids) {
@@ -161,19 +100,7 @@ std::vector<std::string> write_grids(const fs::path& file, const std::vector<Gri
   openvdb::GridPtrVec converted;
   for (const GridToWrite& g : grids) converted.push_back(to_openvdb(g));
 
-  // OpenVDB seeks while it writes and knows only paths, so it writes to a file in memory.
-  const UniqueFd memory = make_memory_file("brume-grid-file");
-  try {
-    openvdb::io::File archive("/proc/self/fd/" + std::to_string(memory.get()));
-    archive.setCompression(openvdb::io::COMPRESS_BLOSC | openvdb::io::COMPRESS_ACTIVE_MASK);
-    archive.write(converted);
-    archive.close();
-  } catch (const openvdb::Exception& e) {
-    throw Error(ErrorKind::Resource, file.string() + ": cannot be written: " + printable(e.what()));
-  }
-  std::vector<char> bytes = read_whole(file, memory.get());
-  stamp(file, bytes);
-  write_file_whole(file, {bytes.data(), bytes.size()});
+  write_archive(file, converted);
   return warnings;
 }
 

@@ -165,6 +165,30 @@ TEST_F(Bake, VerifyFailsAboveItsThreshold) {
   EXPECT_TRUE(failed.json().is_object()) << "the numbers are printed all the same";
 }
 
+TEST_F(Bake, VerifyNamesTheWorstPointsAndSavesItsResult) {
+  ASSERT_EQ(bake().code, 0);
+  const std::vector<std::string> command{
+      "verify",  path("c.irc"), write_scene(), "--points", "12",         "--cells", "16x48",
+      "--worst", "4",           "--save",      "--json",   "--max-rmse", "0"};
+  const RunResult result = brume(command);
+  EXPECT_EQ(result.code, 5) << "saved all the same";
+  const auto worst = result.json()["worst_points"];
+  ASSERT_EQ(worst.size(), 4u);
+  EXPECT_EQ(result.json()["worst"], worst[0]);
+  for (std::size_t i = 1; i < 4; ++i)
+    EXPECT_LE(std::abs(double(worst[i]["relative_error"])),
+              std::abs(double(worst[i - 1]["relative_error"])));
+  const std::string first = read("c.irc.verify.json");
+  const auto saved = nlohmann::json::parse(first, nullptr, false);
+  ASSERT_TRUE(saved.is_object());
+  EXPECT_EQ(saved["rmse"], result.json()["rmse"]);
+  EXPECT_EQ(saved["passed"], false);
+  EXPECT_EQ(saved["fingerprint"],
+            brume({"inspect", path("c.irc"), "--json"}).json()["fingerprint"]);
+  EXPECT_EQ(brume(command).code, 5);
+  EXPECT_EQ(read("c.irc.verify.json"), first) << "the same again";
+}
+
 TEST_F(Bake, VerifyRefusesACacheOfAnotherScene) {
   ASSERT_EQ(bake().code, 0);
   EXPECT_EQ(brume({"verify", path("c.irc"), write_scene(), "-D", "/lights/0/intensity/0=4"}).code,

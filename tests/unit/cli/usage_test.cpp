@@ -23,7 +23,8 @@ TEST_F(Usage, WithoutAVerbNamesTheVerbs) {
   const RunResult result = brume({});
   EXPECT_EQ(result.code, 2);
   expect_one_error_line(result);
-  for (const char* verb : {"render", "bake", "inspect", "verify", "probe", "diff", "scene"})
+  for (const char* verb :
+       {"render", "bake", "inspect", "verify", "probe", "diff", "filter", "convert", "scene"})
     EXPECT_THAT(result.err, HasSubstr(verb));
 }
 
@@ -143,7 +144,8 @@ TEST_F(Usage, AnUnknownCameraListsThoseThereAre) {
 }
 
 TEST_F(Usage, HelpOfEveryVerbHasAnExample) {
-  for (const char* verb : {"render", "bake", "inspect", "verify", "probe", "diff"}) {
+  for (const char* verb :
+       {"render", "bake", "inspect", "verify", "probe", "diff", "filter", "convert"}) {
     const RunResult result = brume({verb, "--help"});
     EXPECT_EQ(result.code, 0) << verb;
     EXPECT_EQ(result.err, "") << verb;

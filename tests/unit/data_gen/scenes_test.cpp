@@ -47,6 +47,22 @@ TEST(SmokyCornell, AnotherSeedIsOtherSmokeInTheSameBox) {
   EXPECT_NE(bytes_of(first[3]), bytes_of(second[3]));
 }
 
+TEST(SmokyCornell, AFlightIsNamedCamerasThatMoveLittleAtATime) {
+  const TemporaryFolder folder;
+  SmokyCornellOptions options = small_cornell();
+  options.flight_frames = 24;
+  const Scene scene = load_scene(write_smoky_cornell(folder.path(), options).front(), {});
+  ASSERT_EQ(scene.cameras.size(), 24u);
+  ASSERT_TRUE(scene.cameras.contains("f00") && scene.cameras.contains("f23"));
+  const Camera* last = nullptr;
+  for (const auto& [name, camera] : scene.cameras) {
+    if (last) {
+      EXPECT_LT((camera.position - last->position).length(), 0.15) << name;
+    }
+    last = &camera;
+  }
+}
+
 TEST(SmokyCornell, LoadsAsItWasMeant) {
   const TemporaryFolder folder;
   const Scene scene = load_scene(write_smoky_cornell(folder.path(), small_cornell()).front(), {});
@@ -79,6 +95,9 @@ TEST(SmokyCornell, RefusesSizesOutOfRange) {
   }
   SmokyCornellOptions options = small_cornell();
   options.size_px = 0;
+  EXPECT_THROW(write_smoky_cornell(folder.path(), options), Error);
+  options = small_cornell();
+  options.flight_frames = 1001;
   EXPECT_THROW(write_smoky_cornell(folder.path(), options), Error);
   EXPECT_TRUE(fs::is_empty(folder.path()));
 }

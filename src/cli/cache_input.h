@@ -1,0 +1,24 @@
+// Cache files as arguments of verbs that need no scene: convert, filter, diff.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "cache/cache_file.h"
+#include "cli/statistics.h"
+
+namespace brume {
+
+// What a complete cache holds. Throws Error(InvalidInput) with state and reason for any other.
+CacheContents read_cache_contents(const std::filesystem::path& file);
+
+// The layer that eye rays ask, by the settings; -1 where they do not tell.
+int top_layer_of(const CacheHeader& header);
+
+// Settings are a person's JSON text; one that does not parse is still shown.
+Json settings_json(const std::string& text);
+
+// 16 hexadecimal digits.
+std::string shown_key(std::uint64_t key);
+
+}  // namespace brume
