@@ -63,6 +63,10 @@ SceneJson scene_json(const SmokyCornellOptions& options) {
     materials[paint.name] = {{"type", "diffuse"}, {"albedo", json_of(paint.albedo)}};
     names[paint.name] = paint.name;
   }
+  const SceneJson smoke_albedo =
+      options.albedo ? grey(*options.albedo) : SceneJson{0.95, 0.94, 0.92};
+  const double haze_s = options.albedo ? 0.13 * *options.albedo : 0.12;
+  const double haze_a = options.albedo ? 0.13 * (1 - *options.albedo) : 0.01;
   // From the upper left front corner through the smoke onto the green wall.
   const Vec3d spot(-0.86, 1.82, 0.72), target(0.52, 0.95, 0.22);
   return {{"version", 1},
@@ -87,14 +91,14 @@ SceneJson scene_json(const SmokyCornellOptions& options) {
           {"volumes", SceneJson::array({{{"type", "vdb"},
                                          {"file", "smoke.vdb"},
                                          {"grids", {{"density", "density"}}},
-                                         {"density_scale", 9},
-                                         {"albedo", {0.95, 0.94, 0.92}},
-                                         {"anisotropy", 0.3}},
+                                         {"density_scale", 9 * options.density},
+                                         {"albedo", smoke_albedo},
+                                         {"anisotropy", options.anisotropy.value_or(0.3)}},
                                         {{"type", "homogeneous"},
                                          {"bounds", json_of(kRoom)},
-                                         {"sigma_s", grey(0.12)},
-                                         {"sigma_a", grey(0.01)},
-                                         {"anisotropy", 0.4}}})},
+                                         {"sigma_s", grey(haze_s * options.density)},
+                                         {"sigma_a", grey(haze_a * options.density)},
+                                         {"anisotropy", options.anisotropy.value_or(0.4)}}})},
           {"render", {{"bounces", 3}, {"volume_bounces", 1}, {"seed", 1}, {"cells", {16, 50}}}}};
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <vector>
 
 #include "data_gen/analytic_field.h"
@@ -12,6 +13,9 @@ namespace brume {
 struct SmokyCornellOptions {
   int resolution = 128;  // Nodes of the smoke along each axis; at least 2.
   int size_px = 512;     // Width and height of the image.
+  double density = 1;    // Multiplies the extinction of smoke and haze.
+  // Of the smoke and the haze; empty: the demo's own.
+  std::optional<double> albedo, anisotropy;
   std::uint64_t seed = 5;
   int threads = 0;
 };
