@@ -144,7 +144,7 @@ TEST(Tree, HasArrowsThatNeverTurnRound) {
       {"gather", {"plan", "cache"}},
       {"bake", {"gather"}},
       {"render", {"bake"}},
-      {"study", {"render"}},
+      {"study", {"render", "data_gen"}},
       {"cli", {"study"}},
       {"data_gen", {"scene"}},
   };
