@@ -60,7 +60,7 @@ std::string mtl_text() {
 SceneJson scene_json(const SmokyCornellOptions& options) {
   SceneJson materials = SceneJson::object(), names = SceneJson::object();
   for (const Paint& paint : paints()) {
-    materials[paint.name] = {{"type", "diffuse"}, {"albedo", json_of(paint.albedo)}};
+    materials[paint.name] = {{"type", "diffuse"}, {"albedo", json_list(paint.albedo)}};
     names[paint.name] = paint.name;
   }
   const SceneJson smoke_albedo =
@@ -83,8 +83,8 @@ SceneJson scene_json(const SmokyCornellOptions& options) {
                                         {"edge_v", {0, 0, 0.5}},
                                         {"radiance", {11, 9.6, 7.6}}},
                                        {{"type", "spot"},
-                                        {"position", json_of(spot)},
-                                        {"direction", json_of((target - spot).normalized())},
+                                        {"position", json_list(spot)},
+                                        {"direction", json_list((target - spot).normalized())},
                                         {"intensity", {13, 14.5, 17}},
                                         {"inner_deg", 6.5},
                                         {"outer_deg", 8}}})},
@@ -95,7 +95,7 @@ SceneJson scene_json(const SmokyCornellOptions& options) {
                                          {"albedo", smoke_albedo},
                                          {"anisotropy", options.anisotropy.value_or(0.3)}},
                                         {{"type", "homogeneous"},
-                                         {"bounds", json_of(kRoom)},
+                                         {"bounds", json_list(kRoom)},
                                          {"sigma_s", grey(haze_s * options.density)},
                                          {"sigma_a", grey(haze_a * options.density)},
                                          {"anisotropy", options.anisotropy.value_or(0.4)}}})},

@@ -35,8 +35,8 @@ TalkScene absorbing_scene() {
   // The whole of its beam falls on the panel: the ground sees that light reflected, and no other.
   const Vec3d lamp(-1.4, 2.1, 0), target(1.2, 0.9, 0);
   scene.lights.push_back({{"type", "spot"},
-                          {"position", json_of(lamp)},
-                          {"direction", json_of((target - lamp).normalized())},
+                          {"position", json_list(lamp)},
+                          {"direction", json_list((target - lamp).normalized())},
                           {"intensity", {60, 57, 50}},
                           {"inner_deg", 10},
                           {"outer_deg", 11}});
@@ -64,7 +64,7 @@ TalkScene no_walls_scene() {
   TalkScene scene{.camera = ground_camera(), .medium = {}};
   scene.meshes = {ground(0.3)};
   scene.lights.push_back({{"type", "directional"},
-                          {"direction", json_of(Vec3d(0.45, -1, -0.3).normalized())},
+                          {"direction", json_list(Vec3d(0.45, -1, -0.3).normalized())},
                           {"irradiance", {3.2, 3.0, 2.7}}});
   // They are gone where the grid ends.
   const GaussianSum clouds{0,

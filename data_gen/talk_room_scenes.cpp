@@ -129,7 +129,7 @@ TalkScene window_scene(const TalkSceneOptions& options) {
   add_quad(sky.mesh, {3.4, -0.5, -4}, {0, 0, 7}, {0, 5, 0});  // Faces -x.
   scene.meshes = {plaster, floor, frame, furniture, sky};
   scene.lights.push_back({{"type", "directional"},
-                          {"direction", json_of(Vec3d(-0.74, -0.6, 0.16).normalized())},
+                          {"direction", json_list(Vec3d(-0.74, -0.6, 0.16).normalized())},
                           {"irradiance", {42, 37, 29}}});
   scene.medium = {room_haze(room, options.contrast.value_or(0.6), options.seed), room, 0.22, 0.95,
                   0.4};
@@ -168,17 +168,17 @@ TalkScene disco_scene(const TalkSceneOptions& options) {
     const Vec3d colour = gels[static_cast<std::size_t>(f.place * 2 + f.ring) % gels.size()];
     // Mirrors are flat: a beam begins in front of its facet, so the ball does not shade it.
     scene.lights.push_back({{"type", "spot"},
-                            {"position", json_of(centre + f.outwards * (kRadius + 0.01))},
-                            {"direction", json_of(f.outwards)},
-                            {"intensity", json_of(colour * 60.0)},
+                            {"position", json_list(centre + f.outwards * (kRadius + 0.01))},
+                            {"direction", json_list(f.outwards)},
+                            {"intensity", json_list(colour * 60.0)},
                             {"inner_deg", 2.2},
                             {"outer_deg", 3.2}});
   }
   // What the mirrors reflect: a lamp from a corner onto the ball.
   const Vec3d lamp(2.7, 3.0, 2.4);
   scene.lights.push_back({{"type", "spot"},
-                          {"position", json_of(lamp)},
-                          {"direction", json_of((centre - lamp).normalized())},
+                          {"position", json_list(lamp)},
+                          {"direction", json_list((centre - lamp).normalized())},
                           {"intensity", {60, 58, 55}},
                           {"inner_deg", 4.6},
                           {"outer_deg", 5.4}});

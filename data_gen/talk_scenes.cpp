@@ -53,7 +53,7 @@ SceneJson write_medium(const TalkMedium& medium, const TalkSceneOptions& options
   SceneJson json;
   if (const auto* box = std::get_if<ConstantBox>(&medium.density)) {
     json = {{"type", "homogeneous"},
-            {"bounds", json_of(box->box)},
+            {"bounds", json_list(box->box)},
             {"sigma_s", grey(sigma_t * albedo)},
             {"sigma_a", grey(sigma_t * (1 - albedo))}};
   } else {
@@ -111,14 +111,14 @@ std::vector<std::filesystem::path> write_parts(const std::string& name, const Ta
 }  // namespace
 
 SceneJson camera_json(const Vec3d& position, const Vec3d& look_at, double fov_deg) {
-  return {{"position", json_of(position)},
-          {"look_at", json_of(look_at)},
+  return {{"position", json_list(position)},
+          {"look_at", json_list(look_at)},
           {"up", {0, 1, 0}},
           {"fov_deg", fov_deg}};
 }
 
 SceneJson diffuse(const Vec3d& albedo) {
-  return {{"type", "diffuse"}, {"albedo", json_of(albedo)}};
+  return {{"type", "diffuse"}, {"albedo", json_list(albedo)}};
 }
 
 const std::vector<std::string>& talk_scene_names() {
@@ -127,7 +127,7 @@ const std::vector<std::string>& talk_scene_names() {
   return names;
 }
 
-Box3d talk_ground() { return {{-1.4, 0, -1.4}, {1.4, 0, 1.4}}; }
+Box3d talk_ground() { return {{-1.75, 0, -1.4}, {1.05, 0, 1.4}}; }
 
 std::vector<std::filesystem::path> write_talk_scene(const std::string& name,
                                                     const std::filesystem::path& folder,

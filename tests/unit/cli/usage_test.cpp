@@ -143,7 +143,8 @@ TEST_F(Usage, AnUnknownCameraListsThoseThereAre) {
 }
 
 TEST_F(Usage, HelpOfEveryVerbHasAnExample) {
-  for (const char* verb : {"render", "bake", "inspect", "verify", "probe", "diff"}) {
+  for (const char* verb :
+       {"render", "bake", "inspect", "verify", "probe", "diff", "figures"}) {
     const RunResult result = brume({verb, "--help"});
     EXPECT_EQ(result.code, 0) << verb;
     EXPECT_EQ(result.err, "") << verb;
