@@ -12,10 +12,11 @@ packages=(
   libembree-dev libtbb-dev
   libopenimageio-dev openimageio-tools libimath-dev libopenexr-dev # its CMake file wants its tools
   libassimp-dev nlohmann-json3-dev libcli11-dev libxxhash-dev
+  libjs-chart.js # of the page that `brume figures` writes
 )
 case "${1:-}" in
   "") ;;
-  --dev) packages+=(libgtest-dev libgmock-dev libbenchmark-dev libnanovdb-dev python3 ccache) ;;
+  --dev) packages+=(libgtest-dev libgmock-dev libbenchmark-dev libnanovdb-dev python3 ccache chromium) ;;
   -h | --help)
     sed -n '2,6s/^# \{0,1\}//p' "$0"
     exit 0

@@ -81,6 +81,12 @@ void add_figures_command(CLI::App& app, CommandContext& context) {
       ->required();
   verb->add_flag("--quick", options->is_quick,
                  "Small, coarse and noisy, in a minute: shows that all of it works");
+  add_parsed(
+      *verb, "--size", "N", options->width_px,
+      [](const std::string& option, const std::string& text) {
+        return static_cast<int>(parse_integer(option, text, 16, 8192));
+      },
+      "Width of the rendered frames in pixels (default 1024, or 64 with --quick)");
   std::string names;
   for (const std::string& name : talk_scene_names()) names += (names.empty() ? "" : ", ") + name;
   add_parsed(
@@ -94,7 +100,7 @@ Without --quick it takes an hour or so.
 
 Examples:
   brume figures -o out/figures --quick
-  brume figures -o out/figures --only scattering,window
+  brume figures -o out/figures --only scattering,window --size 512
   brume figures -o out/figures --json > figures.json)");
   verb->callback([options, &context] {
     context.action = [options, &context] { return figures(*options, context); };

@@ -81,11 +81,11 @@ FigureRow gradient_row(const GroundStudy& study, const ImageFolder& folder) {
       return std::array<std::uint8_t, 3>{srgb_byte(std::abs(g[i].x) / white), 0,
                                          srgb_byte(std::abs(g[i].y) / white)};
     });
-    row.images.push_back(folder.write(picture, std::string("gradient_") + std::to_string(s + 1),
-                                      gradient_source_name(kGradientSources[s]),
-                                      "error on the line " + percent(study.line.relative_error[s]) +
-                                          "; " + short_number(study.ms_per_pixel[s]) +
-                                          " CPU ms a pixel"));
+    row.images.push_back(
+        folder.write(picture, std::string("gradient_") + gradient_source_key(kGradientSources[s]),
+                     gradient_source_name(kGradientSources[s]),
+                     "error on the line " + percent(study.line.relative_error[s]) + "; " +
+                         short_number(study.ms_per_pixel[s]) + " CPU ms a pixel"));
   }
   return row;
 }
@@ -194,6 +194,22 @@ const char* gradient_source_name(GradientSource source) {
       return "media without occlusion";
     case GradientSource::WardHeckbert:
       return "Ward-Heckbert";
+  }
+  throw Error(ErrorKind::Internal, "unknown source of gradients");
+}
+
+const char* gradient_source_key(GradientSource source) {
+  switch (source) {
+    case GradientSource::Differences:
+      return "differences";
+    case GradientSource::FineDifferences:
+      return "differences_10x";
+    case GradientSource::Full:
+      return "full";
+    case GradientSource::Media:
+      return "media";
+    case GradientSource::WardHeckbert:
+      return "ward-heckbert";
   }
   throw Error(ErrorKind::Internal, "unknown source of gradients");
 }

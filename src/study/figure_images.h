@@ -30,7 +30,9 @@ std::vector<FigureRow> write_ground_images(const std::string& name, const Ground
 std::vector<FigureRow> write_result_images(const std::string& name, const ResultStudy& study,
                                            const std::filesystem::path& folder);
 
+// For people, and for file names and JSON.
 const char* gradient_source_name(GradientSource source);
+const char* gradient_source_key(GradientSource source);
 // Three digits, without an exponent where the number is an everyday one.
 std::string short_number(double value);
 

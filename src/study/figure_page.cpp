@@ -269,7 +269,7 @@ Json ground_json(const GroundStudy& g) {
             {"truth_error", g.line.truth_error}};
   Json errors = Json::object();
   for (std::size_t s = 0; s < kSourceCount; ++s)
-    errors[gradient_source_name(kGradientSources[s])] = g.line.relative_error[s];
+    errors[gradient_source_key(kGradientSources[s])] = g.line.relative_error[s];
   line["relative_error"] = errors;
   std::array<double, kModeCount> extrapolation{};
   for (std::size_t m = 0; m < kModeCount; ++m) extrapolation[m] = g.extrapolation[m].relative_rms;

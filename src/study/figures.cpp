@@ -92,7 +92,9 @@ Scene FigureMaker::load(const std::string& name, FigureScene& figure) const {
     throw Error(ErrorKind::Resource, printable(folder.string()) + ": cannot make the folder: " +
                                          error.message() + ": choose one that can be written");
   TalkSceneOptions scene;
-  scene.size_px = has_ground(name) ? extent_.ground_view_width : extent_.result_width;
+  scene.size_px = has_ground(name)        ? extent_.ground_view_width
+                  : options_.width_px > 0 ? options_.width_px
+                                          : extent_.result_width;
   scene.resolution = extent_.resolution;
   scene.threads = run_.threads;
   if (options_.is_quick && name == "disco") scene.detail = 2;

@@ -15,6 +15,7 @@ namespace brume {
 struct FiguresOptions {
   std::filesystem::path folder;     // Exists. Scenes go into folders of their own below it.
   bool is_quick = false;            // Small and coarse: shows that all of it works, in seconds.
+  int width_px = 0;                 // Of the result frames; 0: 1024, or 64 where quick.
   std::vector<std::string> only{};  // Names of scenes (data_gen/talk_scenes.h); empty: all.
 };
 

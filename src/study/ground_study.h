@@ -15,7 +15,7 @@ namespace brume {
 
 struct GroundOptions {
   Box3d area;                // y is the ground's height.
-  int pixels = 64;           // Along each axis of the maps.
+  int pixels = 48;           // Along each axis of the maps.
   int cells = 16;            // Theta strips of the gathers whose gradients are shown.
   int reference_cells = 32;  // Of each of the two gathers that stand for the truth of irradiance.
   double line_at = 0.5;      // Where the line of the gradient runs, as a part of the area's z.
