@@ -214,15 +214,23 @@ const char* gradient_source_key(GradientSource source) {
   throw Error(ErrorKind::Internal, "unknown source of gradients");
 }
 
-std::vector<FigureRow> write_ground_images(const std::string& name, const GroundStudy& study,
+std::vector<FigureRow> write_ground_images(const FigureScene& scene,
                                            const std::filesystem::path& path) {
-  const ImageFolder folder(path, name);
+  const ImageFolder folder(path, scene.name);
+  const GroundStudy& study = *scene.ground;
+  const double exposure = exposure_stops(scene.view);
+  write_preview(folder.path("view"), image_of(scene.view, scene.width, scene.height),
+                {"", false, exposure});
   FigureRow irradiance;
-  irradiance.heading = "Irradiance of the ground, from above";
-  irradiance.scale = "White " + short_number(shown_white(study)) + " W/m²; grey-blue: not ground";
+  irradiance.heading = "The scene, and the indirect irradiance of its ground from above";
+  irradiance.scale = "From above: white " + short_number(shown_white(study)) +
+                     " W/m²; grey-blue is no ground. The view is exposed by " +
+                     short_number(exposure) + " stops";
+  irradiance.images.push_back({folder.path("view"), "as its camera sees it",
+                               "with direct light and what scatters to the eye"});
   irradiance.images.push_back(
       folder.write(irradiance_picture(study, study.irradiance, shown_white(study), false),
-                   "irradiance", "converged gathers, without direct light",
+                   "irradiance", "converged gathers",
                    percent(study.media_share) + " of it from the medium; standard error " +
                        percent(study.reference_noise)));
   std::vector<FigureRow> rows{irradiance, gradient_row(study, folder)};
@@ -230,9 +238,10 @@ std::vector<FigureRow> write_ground_images(const std::string& name, const Ground
   return rows;
 }
 
-std::vector<FigureRow> write_result_images(const std::string& name, const ResultStudy& study,
+std::vector<FigureRow> write_result_images(const FigureScene& scene,
                                            const std::filesystem::path& path) {
-  const ImageFolder folder(path, name);
+  const ImageFolder folder(path, scene.name);
+  const ResultStudy& study = *scene.result;
   const double exposure = exposure_stops(study.reference);
   const auto write = [&](const std::vector<Rgb>& colour, const std::string& what,
                          const std::string& title, const std::string& numbers) {

@@ -24,10 +24,10 @@ struct FigureRow {
   std::vector<FigureImage> images;
 };
 
-// Writes NAME_*.png into `folder`.
-std::vector<FigureRow> write_ground_images(const std::string& name, const GroundStudy& study,
+// Write NAME_*.png into `folder`.
+std::vector<FigureRow> write_ground_images(const FigureScene& scene,
                                            const std::filesystem::path& folder);
-std::vector<FigureRow> write_result_images(const std::string& name, const ResultStudy& study,
+std::vector<FigureRow> write_result_images(const FigureScene& scene,
                                            const std::filesystem::path& folder);
 
 // For people, and for file names and JSON.

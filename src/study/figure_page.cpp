@@ -77,8 +77,8 @@ std::string colour_bar(const FigureRow& row) {
 std::string row_html(const FigureRow& row, bool are_maps) {
   std::string out = "<h3>" + row.heading + "</h3>\n<div class=\"scale\">" + row.scale +
                     (row.is_diverging ? " " + colour_bar(row) : "") + "</div>\n<div class=\"row " +
-                    (are_maps ? "maps" : "frames") + (row.images.size() == 1 ? " alone" : "") +
-                    "\">\n";
+                    (are_maps ? "maps" : "frames") +
+                    (row.images.size() == 2 && are_maps ? " pair" : "") + "\">\n";
   for (const FigureImage& image : row.images)
     out += "<figure><img alt=\"" + image.title + "\" src=\"data:image/png;base64," +
            base64(bytes_of(image.file)) + "\"><figcaption>" + image.title + "<small>" +
@@ -175,7 +175,7 @@ std::string Page::summary() {
 std::string Page::ground(const FigureScene& s) {
   const GroundStudy& g = *s.ground;
   std::string out;
-  for (const FigureRow& row : write_ground_images(s.name, g, folder_)) out += row_html(row, true);
+  for (const FigureRow& row : write_ground_images(s, folder_)) out += row_html(row, true);
   out += "<p class=\"note\">Gradients from gathers of " + cells_text(g.gather) +
          " cells. Finite differences are central over a pixel, with the same random numbers at "
          "both ends: four "
@@ -211,8 +211,7 @@ std::string Page::ground(const FigureScene& s) {
 
 std::string Page::result(const FigureScene& s) const {
   std::string out;
-  for (const FigureRow& row : write_result_images(s.name, *s.result, folder_))
-    out += row_html(row, false);
+  for (const FigureRow& row : write_result_images(s, folder_)) out += row_html(row, false);
   return out + "<p class=\"note\">" + std::to_string(s.interpolation.records) +
          " records at the same places with the same radii and irradiance. Errors are of blocks of "
          "pixels; the "

@@ -25,7 +25,8 @@ p { margin: 8px 0; max-width: 900px; }
 .row img { width: 100%; display: block; border-radius: 4px; background: #000; }
 .row.maps { grid-template-columns: repeat(auto-fit, minmax(180px, 1fr)); }
 .row.maps img { image-rendering: pixelated; }
-.row.alone { grid-template-columns: minmax(180px, 260px); }
+.row.pair { grid-template-columns: 4fr 3fr; max-width: 760px; }
+.row.pair figure:first-child img { image-rendering: auto; }
 .row.frames { grid-template-columns: repeat(auto-fit, minmax(320px, 1fr)); }
 figcaption { font-size: 14px; margin-top: 4px; line-height: 1.35; }
 figcaption small { display: block; }

@@ -136,7 +136,10 @@ FigureScene FigureMaker::make(const std::string& name) const {
   InterpolationOptions interpolation = extent_.interpolation;
   interpolation.view = view;
   figure.interpolation = study_interpolation(scene, *baked.cache, caches, interpolation, run);
-  if (!has_ground(name)) {
+  if (has_ground(name)) {
+    figure.view =
+        beauty_of(render_view(scene, *baked.cache, view, extent_.result.samples, "the scene", run));
+  } else {
     ResultOptions result = extent_.result;
     result.view = view;
     figure.result = study_result(scene, *baked.cache, caches, result, run);

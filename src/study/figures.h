@@ -24,6 +24,7 @@ struct FigureScene {
   std::string name;
   std::filesystem::path file;  // The scene file.
   std::optional<GroundStudy> ground{};
+  std::vector<Rgb> view{};  // Where there is a ground: the scene as its camera sees it.
   std::optional<ResultStudy> result{};
   InterpolationStudy interpolation{};
   PairedCost cost{};  // Gathers with full gradients over those with Ward-Heckbert's.

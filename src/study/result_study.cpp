@@ -48,14 +48,6 @@ class ResultRun {
   ResultStudy study_;
 };
 
-std::vector<Rgb> beauty(const PixelFilm& film) {
-  std::vector<Rgb> image;
-  image.reserve(std::size_t(film.width()) * film.height());
-  for (int y = 0; y < film.height(); ++y)
-    for (int x = 0; x < film.width(); ++x) image.push_back(Rgb(film.at(x, y).beauty()));
-  return image;
-}
-
 std::vector<double> ResultRun::blocks(const PixelFilm& film) const {
   const int size = std::min(options_.block, std::min(study_.width, study_.height));
   std::vector<double> means;
@@ -89,7 +81,7 @@ void ResultRun::trace_reference() {
     study_.path_samples += trace_paths(scene_.world(), rays_, path, film).samples;
     run_.check_stop();
     reference_[half] = blocks(film);
-    const std::vector<Rgb> image = beauty(film);
+    const std::vector<Rgb> image = beauty_of(film);
     if (half == 0) {
       study_.reference = image;
     } else {
@@ -123,21 +115,13 @@ void ResultRun::compare(ResultFrame& frame, const PixelFilm& film) const {
 }
 
 void ResultRun::render(std::size_t mode, const IrradianceCache& cache) {
-  CachedRenderOptions options;
-  options.samples = options_.samples;
-  options.threads = run_.threads;
-  options.stop_requested = run_.stop_requested;
-  if (run_.progress)
-    options.progress = [&](double fraction) {
-      run_.progress(std::string("frame, ") + gradient_mode_name(kResultModes[mode]), fraction);
-    };
-  PixelFilm film(study_.width, study_.height);
   const double start = process_cpu_seconds();
-  render_cached(scene_.lighting(), scene_.settings(), cache, rays_, options, film);
-  run_.check_stop();
+  const PixelFilm film =
+      render_view(scene_, cache, options_.view, options_.samples,
+                  std::string("frame, ") + gradient_mode_name(kResultModes[mode]), run_);
   ResultFrame& frame = study_.frames[mode];
   frame.render_cpu = process_cpu_seconds() - start;
-  frame.beauty = beauty(film);
+  frame.beauty = beauty_of(film);
   compare(frame, film);
 }
 
@@ -153,6 +137,28 @@ ResultStudy ResultRun::run(const IrradianceCache& cache, const RegradientResult&
 }
 
 }  // namespace
+
+PixelFilm render_view(const StudyScene& scene, const IrradianceCache& cache, const BakeView& view,
+                      int samples, const std::string& stage, const StudyRun& run) {
+  CachedRenderOptions options;
+  options.samples = samples;
+  options.threads = run.threads;
+  options.stop_requested = run.stop_requested;
+  if (run.progress) options.progress = [&](double fraction) { run.progress(stage, fraction); };
+  const CameraRays rays(view.camera, view.width, view.height);
+  PixelFilm film(view.width, view.height);
+  render_cached(scene.lighting(), scene.settings(), cache, rays, options, film);
+  run.check_stop();
+  return film;
+}
+
+std::vector<Rgb> beauty_of(const PixelFilm& film) {
+  std::vector<Rgb> image;
+  image.reserve(std::size_t(film.width()) * film.height());
+  for (int y = 0; y < film.height(); ++y)
+    for (int x = 0; x < film.width(); ++x) image.push_back(Rgb(film.at(x, y).beauty()));
+  return image;
+}
 
 ResultStudy study_result(const StudyScene& scene, const IrradianceCache& cache,
                          const RegradientResult& caches, const ResultOptions& options,

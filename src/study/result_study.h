@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <string>
 #include <vector>
 
 #include "render/film.h"
@@ -36,6 +37,11 @@ struct ResultStudy {
   int path_samples = 0;        // A pixel, both halves together.
   double reference_noise = 0;  // Of the blocks of the reference's mean, rms, over its mean.
 };
+
+// A frame by the cached integrator.
+PixelFilm render_view(const StudyScene& scene, const IrradianceCache& cache, const BakeView& view,
+                      int samples, const std::string& stage, const StudyRun& run);
+std::vector<Rgb> beauty_of(const PixelFilm& film);
 
 // `caches` as for study_interpolation(); the frames are those of the cached integrator, the
 // reference samples exactly its paths.

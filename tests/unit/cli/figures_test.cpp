@@ -68,7 +68,7 @@ TEST_F(Figures, OfAGroundAreOnePageThatNeedsNothingElse) {
   std::size_t pictures = 0;
   for (const auto& entry : std::filesystem::directory_iterator(path("a")))
     pictures += entry.path().extension() == ".png";
-  EXPECT_EQ(pictures, 14u);  // Irradiance, five gradients, four modes twice.
+  EXPECT_EQ(pictures, 15u);  // View, irradiance, five gradients, four modes twice.
   EXPECT_EQ(count(page, "src=\"data:image/png;base64,"), pictures);
   for (const char* outside : {"src=\"http", "href=\"http", "src=\"/", "url(http", "@import"})
     EXPECT_THAT(page, Not(HasSubstr(outside)));
