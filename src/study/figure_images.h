@@ -17,9 +17,9 @@ struct FigureImage {
 
 // A row of pictures that share one exposure.
 struct FigureRow {
-  std::string heading, caption;  // Of the row; HTML.
-  std::string scale;             // What colours stand for, in words.
-  bool is_diverging = false;     // Blue to red: the page shows a bar, `low` to `high` in percent.
+  std::string heading;
+  std::string scale;          // What colours stand for, in words.
+  bool is_diverging = false;  // Blue to red: the page shows a bar, `low` to `high` in percent.
   double low = 0, high = 0;
   std::vector<FigureImage> images;
 };

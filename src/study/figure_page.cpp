@@ -205,8 +205,7 @@ std::string Page::ground(const FigureScene& s) {
   }
   return out +
          "</div><p class=\"note\">Error of extrapolated irradiance, rms over the ground and over "
-         "independent "
-         "sets of records. The radius of a record follows the spacing.</p>";
+         "independent sets of records. The radius of a record follows the spacing.</p>";
 }
 
 std::string Page::result(const FigureScene& s) const {
@@ -224,7 +223,9 @@ std::string Page::result(const FigureScene& s) const {
 std::string Page::scene(const FigureScene& s) {
   const SceneText text = scene_text_of(s.name);
   std::string out = "<section id=\"" + s.name + "\"><h2>" + text.title + "</h2><p>" +
-                    text.description + "</p><p>" + text.shows + "</p>\n";
+                    text.description + "</p><p>" + text.shows +
+                    "</p>\n<p class=\"note\">Scene file: <code>scenes/" + s.name + "/" +
+                    s.file.filename().string() + "</code></p>\n";
   out += s.ground ? ground(s) : result(s);
   return out + "</section>\n";
 }

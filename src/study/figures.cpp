@@ -38,6 +38,7 @@ Extent extent_of(bool is_quick) {
   g.record_cells = 12;
   g.repeats = 1;
   quick.interpolation.points = 100;
+  quick.interpolation.least_stride = 1;
   quick.interpolation.reference_cells = 10;
   quick.result.samples = 2;
   quick.result.path_samples = 4;

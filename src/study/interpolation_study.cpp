@@ -11,7 +11,8 @@ InterpolationStudy study_interpolation(const StudyScene& scene, const Irradiance
   InterpolationStudy study;
   study.records = caches.caches[0].records().size();
   const double pixels = double(options.view.width) * options.view.height;
-  const int stride = std::max(1, static_cast<int>(std::sqrt(pixels / options.points)));
+  const int stride =
+      std::max(options.least_stride, static_cast<int>(std::sqrt(pixels / options.points)));
   // Off the lattice of pixels where most records lie.
   const PixelRect frame{stride / 2, stride / 2, options.view.width, options.view.height};
   const int layer = top_layer(scene.settings());

@@ -10,7 +10,8 @@ namespace brume {
 
 struct InterpolationOptions {
   BakeView view;
-  int points = 2000;         // At most; middles of pixels, on a lattice over the view.
+  int points = 1000;         // At most; middles of pixels, on a lattice over the view.
+  int least_stride = 8;      // Of that lattice, in pixels.
   int reference_cells = 32;  // Theta strips of each of the two gathers a point is compared with.
   std::uint64_t seed = 1;
 };
