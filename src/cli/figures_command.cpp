@@ -14,20 +14,28 @@
 namespace brume {
 namespace {
 
-void print_report(std::ostream& out, const FiguresReport& report) {
-  std::vector<std::vector<std::string>> errors{
-      {"relMSE of interpolated irradiance", "records", "none", "ward-heckbert", "media", "full"}};
-  std::vector<std::vector<std::string>> costs{
-      {"full over ward-heckbert, CPU of a gather", "ratio", "low", "high"}};
+void print_errors(std::ostream& out, const std::string& title, const FiguresReport& report,
+                  InterpolationErrors InterpolationStudy::*which) {
+  std::vector<std::vector<std::string>> rows{{title, "records"}};
+  for (const GradientMode mode : kGradientModes) rows[0].push_back(gradient_mode_name(mode));
   for (const FigureScene& s : report.scenes) {
-    std::vector<std::string> row{s.name, std::to_string(s.interpolation.records)};
-    for (const double v : s.interpolation.relmse) row.push_back(shown_number(v));
-    errors.push_back(row);
+    const InterpolationErrors& errors = s.interpolation.*which;
+    rows.push_back({s.name, std::to_string(errors.records)});
+    for (const double v : errors.relmse) rows.back().push_back(shown_number(v));
+  }
+  print_table(out, rows);
+  out << '\n';
+}
+
+void print_report(std::ostream& out, const FiguresReport& report) {
+  print_errors(out, "relMSE of interpolated irradiance", report, &InterpolationStudy::as_baked);
+  print_errors(out, "a quarter of the records, twice the radius", report,
+               &InterpolationStudy::sparse);
+  std::vector<std::vector<std::string>> costs{
+      {"CPU of a gather, full over ward-heckbert", "ratio", "low", "high"}};
+  for (const FigureScene& s : report.scenes)
     costs.push_back(
         {s.name, shown_number(s.cost.ratio), shown_number(s.cost.low), shown_number(s.cost.high)});
-  }
-  print_table(out, errors);
-  out << '\n';
   print_table(out, costs);
 }
 

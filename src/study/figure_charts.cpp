@@ -95,28 +95,24 @@ std::vector<Json> convergence_charts(const FigureScene& scene) {
                             "records", scene.ground->by_records)};
 }
 
-Json interpolation_chart(const std::vector<FigureScene>& scenes) {
+Json interpolation_chart(const std::string& id, const std::string& title,
+                         const std::vector<FigureScene>& scenes,
+                         InterpolationErrors InterpolationStudy::*which) {
   Json labels = Json::array(), series = Json::array();
   for (const FigureScene& scene : scenes) labels.push_back(scene.name);
   for (std::size_t m = 0; m < kModeCount; ++m) {
     Json data = Json::array();
     for (const FigureScene& scene : scenes) {
-      const double none = scene.interpolation.relmse[0];
-      data.push_back(none > 0 ? scene.interpolation.relmse[m] / none : 0);
+      const auto& relmse = (scene.interpolation.*which).relmse;
+      data.push_back(relmse[0] > 0 ? relmse[m] / relmse[0] : 0);
     }
     series.push_back({{"name", gradient_mode_name(kGradientModes[m])},
                       {"color", mode_colour(kGradientModes[m])},
                       {"data", data}});
   }
-  return {{"id", "interpolation"},
-          {"kind", "bar"},
-          {"title", "relMSE of interpolated irradiance, over that without gradients"},
-          {"x", "scene"},
-          {"labels", labels},
-          {"y", "relMSE / relMSE of none"},
-          {"y_unit", ""},
-          {"log", false},
-          {"series", series}};
+  return {{"id", id},     {"kind", "bar"},    {"title", title},
+          {"x", "scene"}, {"labels", labels}, {"y", "relMSE over that of none"},
+          {"y_unit", ""}, {"log", false},     {"series", series}};
 }
 
 }  // namespace brume

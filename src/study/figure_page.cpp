@@ -91,11 +91,16 @@ std::string chart_html(const Json& chart) {
          "\"></canvas></div>\n";
 }
 
-// The best mode is marked where it is better than every other by more than rounding.
-std::vector<std::string> interpolation_cells(const InterpolationStudy& study) {
-  const auto best = std::min_element(study.relmse.begin(), study.relmse.end());
-  std::vector<std::string> cells;
-  for (const double& v : study.relmse) cells.push_back((&v == &*best ? "*" : "") + short_number(v));
+// A row of the table of interpolation; the best mode is marked.
+std::vector<std::string> interpolation_row(const FigureScene& scene,
+                                           const InterpolationErrors& errors) {
+  std::vector<std::string> cells{scene_text_of(scene.name).title, std::to_string(errors.records),
+                                 std::to_string(errors.points),
+                                 percent(scene.interpolation.media_share)};
+  const auto best = std::min_element(errors.relmse.begin(), errors.relmse.end());
+  for (const double& v : errors.relmse)
+    cells.push_back((&v == &*best ? "*" : "") + short_number(v));
+  cells.push_back(percent(scene.interpolation.reference_noise));
   return cells;
 }
 
@@ -109,6 +114,8 @@ class Page {
  private:
   std::string header() const;
   std::string summary();
+  std::string interpolation(const std::string& id, const std::string& title,
+                            InterpolationErrors InterpolationStudy::*which);
   std::string scene(const FigureScene& scene);
   std::string ground(const FigureScene& scene);
   std::string result(const FigureScene& scene) const;
@@ -126,42 +133,40 @@ std::string Page::header() const {
          kPageIntroduction + "<nav>" + nav + "</nav></div></header>\n";
 }
 
+std::string Page::interpolation(const std::string& id, const std::string& title,
+                                InterpolationErrors InterpolationStudy::*which) {
+  std::vector<std::vector<std::string>> rows;
+  for (const FigureScene& s : report_.scenes)
+    rows.push_back(interpolation_row(s, s.interpolation.*which));
+  const Json chart = interpolation_chart(id, title, report_.scenes, which);
+  charts_.push_back(chart);
+  return table({"scene", "records", "points", "light from<br>the medium", "none", "Ward-Heckbert",
+                "media", "full (ours)", "error of<br>the reference"},
+               rows) +
+         "<div class=\"charts wide\">" + chart_html(chart) + "</div>";
+}
+
 std::string Page::summary() {
-  std::vector<std::vector<std::string>> errors, times;
+  std::vector<std::vector<std::string>> times;
   for (const FigureScene& s : report_.scenes) {
-    const InterpolationStudy& i = s.interpolation;
-    std::vector<std::string> row{scene_text_of(s.name).title, std::to_string(i.records),
-                                 std::to_string(i.points), percent(i.media_share)};
-    for (std::string& cell : interpolation_cells(i)) row.push_back(std::move(cell));
-    row.push_back(percent(i.reference_noise));
-    errors.push_back(row);
+    const PairedCost& cost = s.cost;
     times.push_back(
         {scene_text_of(s.name).title, std::to_string(s.width) + "x" + std::to_string(s.height),
-         cells_text(s.settings.gather), short_number(s.bake_cpu), short_number(s.cost.ms_first),
-         short_number(s.cost.ms_second),
-         short_number(100 * (s.cost.ratio - 1)) + " (" + short_number(100 * (s.cost.low - 1)) +
-             " to " + short_number(100 * (s.cost.high - 1)) + ")",
+         cells_text(s.settings.gather), short_number(s.bake_cpu), short_number(cost.ms_first),
+         short_number(cost.ms_second),
+         short_number(100 * (cost.ratio - 1)) + " (" + short_number(100 * (cost.low - 1)) + " to " +
+             short_number(100 * (cost.high - 1)) + ")",
          s.result ? short_number(s.result->frames[0].render_cpu) : "",
          s.result ? short_number(s.result->path_cpu) : "",
          s.result ? std::to_string(s.result->path_samples) : ""});
   }
-  const Json chart = interpolation_chart(report_.scenes);
-  charts_.push_back(chart);
-  return "<section id=\"summary\"><h2>All scenes</h2>\n<h3>Interpolated irradiance</h3>"
-         "<p>relMSE at pixels of the view against converged gathers there, whose own noise is "
-         "taken off "
-         "(the product of the differences from two independent ones). Records, radii and "
-         "irradiance are the "
-         "same in each row; only the gradients differ. What is left with exact gradients is the "
-         "noise of the "
-         "records themselves.</p>" +
-         table({"scene", "records", "points", "light from<br>the medium", "none", "Ward-Heckbert",
-                "media", "full (ours)", "error of<br>the reference"},
-               errors) +
-         "<div class=\"charts wide\">" + chart_html(chart) +
-         "</div><h3>Times</h3><p>CPU seconds of this run. What gradients cost is measured on the "
-         "same records in "
-         "pairs, gather by gather in turn: the median of " +
+  return "<section id=\"summary\"><h2>All scenes</h2>\n" + std::string(kPageInterpolation) +
+         interpolation("interpolation", "All records as baked", &InterpolationStudy::as_baked) +
+         kPageSparseInterpolation +
+         interpolation("sparse-interpolation", "A quarter of the records, twice the radius",
+                       &InterpolationStudy::sparse) +
+         "<h3>Times</h3><p>CPU seconds of this run. What gradients cost is measured on the same "
+         "records in pairs, gather by gather in turn: the median of " +
          std::to_string(kCostPairs) + " pairs, and its 96.5 % interval.</p>" +
          table({"scene", "view", "cells", "bake<br>CPU s", "gather, full<br>ms",
                 "gather, W-H<br>ms", "full over W-H<br>%", "frame<br>CPU s", "path tracer<br>CPU s",
@@ -211,7 +216,7 @@ std::string Page::ground(const FigureScene& s) {
 std::string Page::result(const FigureScene& s) const {
   std::string out;
   for (const FigureRow& row : write_result_images(s, folder_)) out += row_html(row, false);
-  return out + "<p class=\"note\">" + std::to_string(s.interpolation.records) +
+  return out + "<p class=\"note\">" + std::to_string(s.interpolation.as_baked.records) +
          " records at the same places with the same radii and irradiance. Errors are of blocks of "
          "pixels; the "
          "reference is path-traced with exactly the paths that the cached frames hold, and its "
@@ -250,6 +255,17 @@ Json by_mode(const std::array<double, kModeCount>& values) {
   Json all = Json::object();
   for (std::size_t m = 0; m < kModeCount; ++m)
     all[gradient_mode_name(kGradientModes[m])] = values[m];
+  return all;
+}
+
+Json interpolation_json(const InterpolationStudy& study) {
+  Json all{{"media_share", study.media_share}, {"reference_noise", study.reference_noise}};
+  const auto add = [&](const char* name, const InterpolationErrors& errors) {
+    all[name] = {
+        {"records", errors.records}, {"points", errors.points}, {"relmse", by_mode(errors.relmse)}};
+  };
+  add("as_baked", study.as_baked);
+  add("sparse", study.sparse);
   return all;
 }
 
@@ -301,14 +317,8 @@ Json result_json(const ResultStudy& r) {
 Json figures_json(const FiguresReport& report) {
   Json scenes = Json::array();
   for (const FigureScene& s : report.scenes) {
-    const InterpolationStudy& i = s.interpolation;
     Json scene{{"name", s.name},
-               {"interpolation",
-                {{"records", i.records},
-                 {"points", i.points},
-                 {"media_share", i.media_share},
-                 {"reference_noise", i.reference_noise},
-                 {"relmse", by_mode(i.relmse)}}},
+               {"interpolation", interpolation_json(s.interpolation)},
                {"regather_change", s.regather_change},
                {"bake_cpu_seconds", s.bake_cpu},
                {"cost",

@@ -101,6 +101,18 @@ knows how the medium dims. <b>Media</b> knows the medium but no occlusion. <b>Wa
 surfaces and takes the medium's light for theirs. <b>None</b> is a constant. All modes use the same samples.</p>
 )html";
 
+const char* const kPageInterpolation = R"html(<h3>Interpolated irradiance</h3>
+<p>relMSE at pixels of each view against converged gathers there, whose own noise is taken off (by the product of
+the differences from two independent ones). In a row, records, radii and irradiance are the same; only the gradients
+differ. Records of a bake at default accuracy lie so close that much of what is left is the noise of the records
+themselves, which no gradient takes away.</p>
+)html";
+
+const char* const kPageSparseInterpolation = R"html(
+<p>The same with a random quarter of those records and twice their radii, about what half the accuracy would leave.
+Here irradiance is carried further, and gradients matter more.</p>
+)html";
+
 SceneText scene_text_of(const std::string& name) {
   if (name == "absorbing")
     return {

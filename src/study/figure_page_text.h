@@ -7,7 +7,9 @@ namespace brume {
 
 extern const char* const kPageStyle;   // CSS.
 extern const char* const kPageScript;  // Draws the charts that the JSON element `charts` describes.
-extern const char* const kPageIntroduction;  // HTML.
+extern const char* const kPageIntroduction;         // HTML, like those that follow.
+extern const char* const kPageInterpolation;        // Above the table of records as baked.
+extern const char* const kPageSparseInterpolation;  // Above that of fewer ones.
 
 struct SceneText {
   const char* title;

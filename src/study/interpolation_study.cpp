@@ -4,12 +4,51 @@
 #include "core/random.h"
 
 namespace brume {
+namespace {
+
+constexpr std::uint64_t kThinning = 4;
+constexpr float kWidening = 2;
+
+IrradianceCache sparse_cache(const IrradianceCache& cache) {
+  std::vector<SurfaceRecord> kept;
+  for (SurfaceRecord r : cache.records()) {
+    if (random_key(r.key) % kThinning != 0) continue;
+    for (float& radius : r.radius) radius *= kWidening;
+    kept.push_back(r);
+  }
+  return {std::move(kept), cache.origin()};
+}
+
+using References = std::array<std::vector<PointGather>, 2>;
+
+InterpolationErrors errors_of(const std::array<IrradianceCache, kModeCount>& caches, int layer,
+                              const std::vector<SurfacePoint>& points,
+                              const References& references) {
+  InterpolationErrors result;
+  result.records = caches[0].records().size();
+  for (std::size_t m = 0; m < kModeCount; ++m) {
+    NoiseFreeError error;
+    result.points = 0;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const SurfacePoint& p = points[i];
+      const InterpolatedIrradiance e =
+          caches[m].irradiance({layer, p.position, p.normal, p.min_radius});
+      if (e.records == 0) continue;
+      ++result.points;
+      error.add(luminance(e.irradiance), luminance(references[0][i].irradiance),
+                luminance(references[1][i].irradiance));
+    }
+    result.relmse[m] = error.relmse();
+  }
+  return result;
+}
+
+}  // namespace
 
 InterpolationStudy study_interpolation(const StudyScene& scene, const IrradianceCache& cache,
                                        const RegradientResult& caches,
                                        const InterpolationOptions& options, const StudyRun& run) {
   InterpolationStudy study;
-  study.records = caches.caches[0].records().size();
   const double pixels = double(options.view.width) * options.view.height;
   const int stride =
       std::max(options.least_stride, static_cast<int>(std::sqrt(pixels / options.points)));
@@ -20,7 +59,7 @@ InterpolationStudy study_interpolation(const StudyScene& scene, const Irradiance
   std::vector<SurfacePoint> points;
   for (const SurfacePoint& p : view_points(scene.world(), options.view, frame, stride, false))
     if (caches.caches[0].covers({layer, p.position, p.normal, p.min_radius})) points.push_back(p);
-  std::array<std::vector<PointGather>, 2> references;
+  References references;
   GatherOptions gather = with_cells(scene.settings().gather, options.reference_cells);
   gather.gradient = GradientMode::None;
   for (std::size_t half = 0; half < 2; ++half) {
@@ -31,19 +70,16 @@ InterpolationStudy study_interpolation(const StudyScene& scene, const Irradiance
     references[half] =
         gather_points(scene, gather, light_below(cache, layer), at, "converged irradiance", run);
   }
-  std::array<NoiseFreeError, kModeCount> errors;
+  NoiseFreeError own;
   for (std::size_t i = 0; i < points.size(); ++i) {
-    const SurfacePoint& p = points[i];
-    for (std::size_t m = 0; m < kModeCount; ++m)
-      errors[m].add(
-          luminance(
-              caches.caches[m].irradiance({layer, p.position, p.normal, p.min_radius}).irradiance),
-          luminance(references[0][i].irradiance), luminance(references[1][i].irradiance));
+    own.add(0, luminance(references[0][i].irradiance), luminance(references[1][i].irradiance));
     study.media_share += references[0][i].media_share / double(points.size());
   }
-  study.points = static_cast<int>(points.size());
-  study.reference_noise = errors[0].reference_noise();
-  for (std::size_t m = 0; m < kModeCount; ++m) study.relmse[m] = errors[m].relmse();
+  study.reference_noise = own.reference_noise();
+  study.as_baked = errors_of(caches.caches, layer, points, references);
+  std::array<IrradianceCache, kModeCount> sparse;
+  for (std::size_t m = 0; m < kModeCount; ++m) sparse[m] = sparse_cache(caches.caches[m]);
+  study.sparse = errors_of(sparse, layer, points, references);
   return study;
 }
 

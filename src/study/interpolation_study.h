@@ -16,12 +16,20 @@ struct InterpolationOptions {
   std::uint64_t seed = 1;
 };
 
-struct InterpolationStudy {
+// One set of records, all modes. relMSE, the reference's noise taken off.
+struct InterpolationErrors {
   std::size_t records = 0;
-  int points = 0;                           // Compared; the others had no record.
-  double media_share = 0;                   // Of the irradiance at the points, mean.
-  double reference_noise = 0;               // Standard error of the reference, rms over its mean.
-  std::array<double, kModeCount> relmse{};  // The reference's noise is taken off.
+  int points = 0;  // Compared; the others had no record.
+  std::array<double, kModeCount> relmse{};
+};
+
+struct InterpolationStudy {
+  InterpolationErrors as_baked;
+  // A random quarter of the records with twice the radii: about what a bake of twice the error
+  // would leave, where it is gradients that matter and less the noise of the records.
+  InterpolationErrors sparse;
+  double media_share = 0;      // Of the irradiance at the points, mean.
+  double reference_noise = 0;  // Standard error of the reference, rms over its mean.
 };
 
 // `caches` hold the records of a bake of this view in every mode (regradient.h); `cache` is that

@@ -57,11 +57,15 @@ TEST_F(Figures, OfAGroundAreOnePageThatNeedsNothingElse) {
   const auto& scene = json.at("scenes")[0];
   EXPECT_EQ(scene.at("name"), "no-walls");
   EXPECT_EQ(scene.at("regather_change"), 0);
-  const auto& relmse = scene.at("interpolation").at("relmse");
-  for (const char* mode : {"none", "ward-heckbert", "media", "full"})
-    EXPECT_GT(relmse.at(mode), 0.0) << mode;
-  // Nothing that Ward-Heckbert could see: the very same numbers.
-  EXPECT_EQ(relmse.at("none"), relmse.at("ward-heckbert"));
+  for (const char* set : {"as_baked", "sparse"}) {
+    const auto& relmse = scene.at("interpolation").at(set).at("relmse");
+    for (const char* mode : {"none", "ward-heckbert", "media", "full"})
+      EXPECT_GT(relmse.at(mode), 0.0) << mode;
+    // Nothing that Ward-Heckbert could see: the very same numbers.
+    EXPECT_EQ(relmse.at("none"), relmse.at("ward-heckbert"));
+  }
+  EXPECT_LT(scene.at("interpolation").at("sparse").at("relmse").at("full"),
+            scene.at("interpolation").at("sparse").at("relmse").at("none"));
 
   const std::string page = read("a/index.html");
   EXPECT_EQ(nlohmann::json::parse(read("a/figures.json")), json);
@@ -74,10 +78,10 @@ TEST_F(Figures, OfAGroundAreOnePageThatNeedsNothingElse) {
     EXPECT_THAT(page, Not(HasSubstr(outside)));
   EXPECT_THAT(page, HasSubstr("Chart.js v"));
   EXPECT_TRUE(exists("a/scenes/no-walls/no-walls.json"));
-  // The page's script counts the charts that it drew: line, two convergences, interpolation.
+  // The page's script counts the charts that it drew: line, two convergences, two of interpolation.
   if (std::system("command -v chromium >/dev/null 2>&1") != 0)
     GTEST_SKIP() << "no browser to look at the page with: install chromium";
-  EXPECT_EQ(charts_drawn_by_a_browser("a/index.html"), "data-charts=\"4\"");
+  EXPECT_EQ(charts_drawn_by_a_browser("a/index.html"), "data-charts=\"5\"");
 }
 
 TEST_F(Figures, ArePicturesThatDoNotDependOnThreads) {
