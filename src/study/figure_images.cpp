@@ -242,7 +242,8 @@ std::vector<FigureRow> write_result_images(const FigureScene& scene,
                                            const std::filesystem::path& path) {
   const ImageFolder folder(path, scene.name);
   const ResultStudy& study = *scene.result;
-  const double exposure = exposure_stops(study.reference);
+  // Of a frame without noise, whose darkest pixels are not black by chance.
+  const double exposure = exposure_stops(study.frames[0].beauty);
   const auto write = [&](const std::vector<Rgb>& colour, const std::string& what,
                          const std::string& title, const std::string& numbers) {
     write_preview(folder.path(what), image_of(colour, study.width, study.height),
@@ -252,7 +253,7 @@ std::vector<FigureRow> write_result_images(const FigureScene& scene,
   FigureRow frames, errors;
   frames.heading = "The frame";
   frames.scale = "One exposure for all, " + short_number(exposure) +
-                 " stops: the log-average of the reference is middle grey";
+                 " stops: the log-average of the first is middle grey";
   errors.heading = "Error of indirect light";
   errors.is_diverging = true;
   std::vector<double> sizes;
@@ -274,10 +275,12 @@ std::vector<FigureRow> write_result_images(const FigureScene& scene,
         const double e = frame.error[static_cast<std::size_t>(by * study.blocks_x + bx)];
         picture.set(x, y, map_colour(ColourMap::Diverging, 0.5 + 0.5 * e / errors.high));
       }
-    errors.images.push_back(folder.write(picture, "error_" + mode, mode + " gradients",
-                                         "rms " + percent(frame.relative_rms) +
-                                             " without the reference's noise, mean " +
-                                             percent(frame.signed_mean)));
+    errors.images.push_back(
+        folder.write(picture, "error_" + mode, mode + " gradients",
+                     (frame.relative_rms > 0
+                          ? "rms " + percent(frame.relative_rms) + " without the reference's noise"
+                          : std::string("rms below the reference's noise")) +
+                         ", mean " + percent(frame.signed_mean)));
   }
   frames.images.push_back(write(study.reference, "reference", "path-traced reference",
                                 std::to_string(study.path_samples) + " samples a pixel, " +

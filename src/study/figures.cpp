@@ -42,6 +42,7 @@ Extent extent_of(bool is_quick) {
   quick.interpolation.reference_cells = 10;
   quick.result.samples = 2;
   quick.result.path_samples = 4;
+  quick.result.block = 8;
   return quick;
 }
 

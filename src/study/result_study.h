@@ -14,8 +14,8 @@ namespace brume {
 struct ResultOptions {
   BakeView view;
   int samples = 8;        // A pixel, of the cached frames.
-  int path_samples = 16;  // A pixel, of each of the two halves of the path-traced frame.
-  int block = 8;          // Errors are of means over this many pixels squared.
+  int path_samples = 32;  // A pixel, of each of the two halves of the path-traced frame.
+  int block = 16;         // Errors are of means over this many pixels squared.
 };
 
 inline constexpr std::array kResultModes{GradientMode::Full, GradientMode::WardHeckbert};
