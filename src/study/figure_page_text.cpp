@@ -120,7 +120,8 @@ SceneText scene_text_of(const std::string& name) {
         R"(A panel in a lamp's beam reflects light past a block and through absorbing clouds onto
 the ground. The lamp itself does not reach the ground.)",
         R"(Next to the shadow of the block, clouds dim the light of the panel. Ward-Heckbert gradients see the block
-and the edges of the panel, not the clouds; the media gradient sees the clouds, not the block.)"};
+and the edges of the panel, not the clouds; the media gradient sees the clouds, not the block. Where records lie far apart, the curve of irradiance decides the
+error of extrapolation, and a slope that is too small may do as well as the true one.)"};
   if (name == "scattering")
     return {
         "Scattering",
