@@ -261,8 +261,10 @@ Json by_mode(const std::array<double, kModeCount>& values) {
 Json interpolation_json(const InterpolationStudy& study) {
   Json all{{"media_share", study.media_share}, {"reference_noise", study.reference_noise}};
   const auto add = [&](const char* name, const InterpolationErrors& errors) {
-    all[name] = {
-        {"records", errors.records}, {"points", errors.points}, {"relmse", by_mode(errors.relmse)}};
+    all[name] = {{"records", errors.records},
+                 {"points", errors.points},
+                 {"relmse", by_mode(errors.relmse)},
+                 {"relative_rms", by_mode(errors.relative_rms)}};
   };
   add("as_baked", study.as_baked);
   add("sparse", study.sparse);

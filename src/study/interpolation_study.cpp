@@ -39,6 +39,7 @@ InterpolationErrors errors_of(const std::array<IrradianceCache, kModeCount>& cac
                 luminance(references[1][i].irradiance));
     }
     result.relmse[m] = error.relmse();
+    result.relative_rms[m] = error.relative_rms();
   }
   return result;
 }

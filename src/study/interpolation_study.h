@@ -21,6 +21,9 @@ struct InterpolationErrors {
   std::size_t records = 0;
   int points = 0;  // Compared; the others had no record.
   std::array<double, kModeCount> relmse{};
+  // Over the mean: not ruled by the darkest points, as relMSE can be where the reference is noisy
+  // there.
+  std::array<double, kModeCount> relative_rms{};
 };
 
 struct InterpolationStudy {
