@@ -251,9 +251,8 @@ void GroundRun::extrapolations() {
   const GroundRecords records =
       ground_records(ground_, options_.area, options_.records, key(kRecords, 0));
   for (const GatherPoint& p : records.points)
-    study_.record_sites.push_back(
-        {(p.position.x - options_.area.min.x) / options_.area.size().x,
-         (p.position.z - options_.area.min.z) / options_.area.size().z});
+    study_.record_sites.push_back({(p.position.x - options_.area.min.x) / options_.area.size().x,
+                                   (p.position.z - options_.area.min.z) / options_.area.size().z});
   const auto caches = make_ground_caches(
       records,
       gather(gather_options(options_.record_cells, GradientMode::Full), records.points, "records"));

@@ -68,7 +68,8 @@ struct GroundStudy {
   double media_share = 0;                                 // Of the irradiance, mean.
   double reference_noise = 0;  // Standard error of the reference, rms over its mean.
   GradientLine line;
-  std::vector<Vec2d> record_sites;  // Of the records in the pictures, as parts of the area in x and z.
+  std::vector<Vec2d>
+      record_sites;  // Of the records in the pictures, as parts of the area in x and z.
   std::array<Extrapolation, kModeCount> extrapolation;
   std::vector<ConvergencePoint> by_cells, by_records;
 };
