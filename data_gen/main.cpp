@@ -1,5 +1,6 @@
 // The data_gen program: writes volumes and scenes with known answers.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <array>
 #include <csignal>
 #include <filesystem>
@@ -11,6 +12,7 @@
 #include "data_gen/analytic_field.h"
 #include "data_gen/oracle_scenes.h"
 #include "data_gen/smoky_cornell.h"
+#include "data_gen/talk_scenes.h"
 #include "vdb_media/grid_writer.h"
 
 namespace brume {
@@ -24,6 +26,8 @@ constexpr const char* kExamples = R"(Examples:
   data_gen field ball -o ball.vdb --centre 0,0,0 --radius 0.4 --voxel 0.02
   data_gen field gaussians -o g.vdb --bounds -2,-2,0,2,2,2.5 --background 0.1
   data_gen field plume -o smoke.vdb --bounds -1,0,-1,1,2,1 --seed 3
+  data_gen talk window -o out/window --size 256 --density 2
+  data_gen talk all -o out/talk
   data_gen oracle scat -o out/oracle
   data_gen oracle all -o out/oracle --step 0.1
 
@@ -233,6 +237,52 @@ void write_oracles(const std::string& name, const fs::path& folder, double step)
   }
 }
 
+void write_talk_scenes(const std::string& name, const fs::path& folder,
+                       const TalkSceneOptions& options) {
+  // A wrong name shows before a folder is there.
+  const auto& names = talk_scene_names();
+  if (name != "all" && std::find(names.begin(), names.end(), name) != names.end())
+    make_folder(folder);
+  if (name != "all") {
+    print_files(write_talk_scene(name, folder, options));
+    return;
+  }
+  for (const std::string& scene : names) {
+    make_folder(folder / scene);
+    print_files(write_talk_scene(scene, folder / scene, options));
+  }
+}
+
+void add_talk_command(CLI::App& app, std::string& folder, const int& threads) {
+  std::string names;
+  for (const std::string& scene : talk_scene_names()) names += scene + ", ";
+  struct State {
+    std::string name;
+    TalkSceneOptions options;
+  };
+  const auto state = std::make_shared<State>();
+  TalkSceneOptions& o = state->options;
+  CLI::App* talk = app.add_subcommand("talk", "The scenes that gradients in media are shown on");
+  talk->add_option("name", state->name, "One of: " + names + "all (a folder each)")->required();
+  talk->add_option("-o,--output", folder, "Folder to write into")->required();
+  talk->add_option("--size", o.size_px, "Width of the image, in pixels")->capture_default_str();
+  talk->add_option("--resolution", o.resolution, "Nodes along the longest side of a grid")
+      ->capture_default_str();
+  talk->add_option("--density", o.density, "Multiplies the medium's extinction")
+      ->capture_default_str();
+  talk->add_option("--albedo", o.albedo, "Scattered part of the medium's extinction");
+  talk->add_option("--anisotropy", o.anisotropy, "Mean cosine of its scattering");
+  talk->add_option("--contrast", o.contrast,
+                   "window, disco: 0 even haze, 1 clear air between clouds of dust");
+  talk->add_option("--detail", o.detail,
+                   "window: panes along each side; disco: rings of mirrors");
+  talk->add_option("--seed", o.seed, "Seed of smoke and dust")->capture_default_str();
+  talk->callback([state, &folder, &threads] {
+    state->options.threads = threads;
+    write_talk_scenes(state->name, folder, state->options);
+  });
+}
+
 // CLI11's own exit codes never leak.
 int run_data_gen(int argc, char** argv) {
   CLI::App app("Writes volumes and scenes with known answers, and the demo scene.", "data_gen");
@@ -262,6 +312,8 @@ int run_data_gen(int argc, char** argv) {
     make_folder(folder);
     print_files(write_smoky_cornell(folder, cornell));
   });
+
+  add_talk_command(app, folder, threads);
 
   CLI::App* field = app.add_subcommand("field", "One analytic field as a .vdb");
   field->require_subcommand(1);

@@ -246,7 +246,7 @@ std::vector<std::filesystem::path> write_oracle_scene(const OracleScene& oracle,
 
   if (oracle.light)
     json["lights"] = SceneJson::array({{{"type", "point"},
-                                        {"position", json_of(oracle.light->position)},
+                                        {"position", json_list(oracle.light->position)},
                                         {"intensity", grey(oracle.light->intensity.r)}}});
   if (oracle.medium) {
     const OracleMedium& medium = *oracle.medium;

@@ -43,8 +43,8 @@ std::string vertex_line(const Vec3d& p) {
 
 }  // namespace
 
-SceneJson json_of(const Vec3d& v) { return {v.x, v.y, v.z}; }
-SceneJson json_of(const Box3d& b) { return {json_of(b.min), json_of(b.max)}; }
+SceneJson json_list(const Vec3d& v) { return {v.x, v.y, v.z}; }
+SceneJson json_list(const Box3d& b) { return {json_list(b.min), json_list(b.max)}; }
 SceneJson grey(double value) { return {value, value, value}; }
 
 std::string scene_text(const SceneJson& scene) {

@@ -12,8 +12,8 @@ namespace brume {
 
 using SceneJson = nlohmann::ordered_json;  // Keys in the order they were set.
 
-SceneJson json_of(const Vec3d& v);
-SceneJson json_of(const Box3d& b);  // [[min], [max]]
+SceneJson json_list(const Vec3d& v);
+SceneJson json_list(const Box3d& b);  // [[min], [max]]
 SceneJson grey(double value);       // [value, value, value]
 
 // Indented, arrays of numbers on one line, a newline at the end.

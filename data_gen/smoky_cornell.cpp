@@ -75,9 +75,13 @@ SceneJson flight_cameras(int frames) {
 SceneJson scene_json(const SmokyCornellOptions& options) {
   SceneJson materials = SceneJson::object(), names = SceneJson::object();
   for (const Paint& paint : paints()) {
-    materials[paint.name] = {{"type", "diffuse"}, {"albedo", json_of(paint.albedo)}};
+    materials[paint.name] = {{"type", "diffuse"}, {"albedo", json_list(paint.albedo)}};
     names[paint.name] = paint.name;
   }
+  const SceneJson smoke_albedo =
+      options.albedo ? grey(*options.albedo) : SceneJson{0.95, 0.94, 0.92};
+  const double haze_s = options.albedo ? 0.13 * *options.albedo : 0.12;
+  const double haze_a = options.albedo ? 0.13 * (1 - *options.albedo) : 0.01;
   // From the upper left front corner through the smoke onto the green wall.
   const Vec3d spot(-0.86, 1.82, 0.72), target(0.52, 0.95, 0.22);
   return {{"version", 1},
@@ -94,22 +98,22 @@ SceneJson scene_json(const SmokyCornellOptions& options) {
                                         {"edge_v", {0, 0, 0.5}},
                                         {"radiance", {11, 9.6, 7.6}}},
                                        {{"type", "spot"},
-                                        {"position", json_of(spot)},
-                                        {"direction", json_of((target - spot).normalized())},
+                                        {"position", json_list(spot)},
+                                        {"direction", json_list((target - spot).normalized())},
                                         {"intensity", {13, 14.5, 17}},
                                         {"inner_deg", 6.5},
                                         {"outer_deg", 8}}})},
           {"volumes", SceneJson::array({{{"type", "vdb"},
                                          {"file", "smoke.vdb"},
                                          {"grids", {{"density", "density"}}},
-                                         {"density_scale", 9},
-                                         {"albedo", {0.95, 0.94, 0.92}},
-                                         {"anisotropy", 0.3}},
+                                         {"density_scale", 9 * options.density},
+                                         {"albedo", smoke_albedo},
+                                         {"anisotropy", options.anisotropy.value_or(0.3)}},
                                         {{"type", "homogeneous"},
-                                         {"bounds", json_of(kRoom)},
-                                         {"sigma_s", grey(0.12)},
-                                         {"sigma_a", grey(0.01)},
-                                         {"anisotropy", 0.4}}})},
+                                         {"bounds", json_list(kRoom)},
+                                         {"sigma_s", grey(haze_s * options.density)},
+                                         {"sigma_a", grey(haze_a * options.density)},
+                                         {"anisotropy", options.anisotropy.value_or(0.4)}}})},
           {"render", {{"bounces", 3}, {"volume_bounces", 1}, {"seed", 1}, {"cells", {16, 50}}}}};
 }
 

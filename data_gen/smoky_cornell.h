@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <vector>
 
 #include "data_gen/analytic_field.h"
@@ -15,6 +16,9 @@ struct SmokyCornellOptions {
   // Named cameras f00, f01 ... of a flight into the room, besides the one that is there; at most
   // 1000.
   int flight_frames = 0;
+  double density = 1;    // Multiplies the extinction of smoke and haze.
+  // Of the smoke and the haze; empty: the demo's own.
+  std::optional<double> albedo, anisotropy;
   std::uint64_t seed = 5;
   int threads = 0;
 };

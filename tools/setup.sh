@@ -12,7 +12,7 @@ packages=(
   libembree-dev libtbb-dev
   libopenimageio-dev openimageio-tools libimath-dev libopenexr-dev # its CMake file wants its tools
   libassimp-dev nlohmann-json3-dev libcli11-dev libxxhash-dev
-  libjs-three # inlined into the pages of `inspect --html`
+  libjs-three libjs-chart.js # inlined into the pages of `inspect --html` and `figures`
 )
 case "${1:-}" in
   "") ;;

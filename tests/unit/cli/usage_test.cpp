@@ -145,7 +145,7 @@ TEST_F(Usage, AnUnknownCameraListsThoseThereAre) {
 
 TEST_F(Usage, HelpOfEveryVerbHasAnExample) {
   for (const char* verb :
-       {"render", "bake", "inspect", "verify", "probe", "diff", "filter", "convert"}) {
+       {"render", "bake", "inspect", "verify", "probe", "diff", "filter", "convert", "figures"}) {
     const RunResult result = brume({verb, "--help"});
     EXPECT_EQ(result.code, 0) << verb;
     EXPECT_EQ(result.err, "") << verb;

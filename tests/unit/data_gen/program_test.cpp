@@ -54,6 +54,7 @@ TEST_F(DataGenProgram, TellsUsageErrorsFromBadInputAndFromPlacesItCannotWrite) {
         Case{"field ball -o a.vdb --radius x", 2}, Case{"field ball -o a.vdb --bounds 0,0", 2},
         Case{"field atmosphere -o a.vdb --up 0,0,0", 2}, Case{"field ball -o a.vdb --voxel 0", 3},
         Case{"oracle nothing -o .", 3}, Case{"smoky-cornell -o . --resolution 1", 3},
+        Case{"talk", 2}, Case{"talk windows -o new", 2}, Case{"talk window -o . --albedo 2", 3},
         Case{"field ball -o missing/a.vdb", 6}}) {
     const Result result = run(c.arguments);
     EXPECT_EQ(result.status, c.status) << c.arguments;
@@ -101,6 +102,17 @@ TEST_F(DataGenProgram, WritesReferenceScenesByName) {
       "scenes/scatg.json\nscenes/scatg_room.obj\nscenes/scatg_blocks.obj\nscenes/scatg.vdb\n");
   for (const char* name : {"scatg.json", "scatg_room.obj", "scatg_blocks.obj", "scatg.vdb"})
     EXPECT_TRUE(fs::is_regular_file(files() / "scenes" / name)) << name;
+}
+
+TEST_F(DataGenProgram, WritesAllScenesOfTheTalkIntoFoldersOfTheirOwn) {
+  const Result result = run("talk all -o talk --resolution 8 --size 16");
+  ASSERT_EQ(result.status, 0) << result.err;
+  for (const char* scene :
+       {"absorbing/absorbing.json", "scattering/scattering.json", "no-walls/no-walls.json",
+        "smoky-cornell/smoky_cornell.json", "window/window.json", "disco/disco.json"}) {
+    EXPECT_TRUE(fs::is_regular_file(files() / "talk" / scene)) << scene;
+    EXPECT_NE(result.out.find("talk/" + std::string(scene) + "\n"), std::string::npos) << scene;
+  }
 }
 
 }  // namespace

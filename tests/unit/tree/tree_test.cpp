@@ -145,7 +145,7 @@ TEST(Tree, HasArrowsThatNeverTurnRound) {
       {"gather", {"plan", "cache"}},
       {"bake", {"gather"}},
       {"render", {"bake"}},
-      {"study", {"render"}},
+      {"study", {"render", "data_gen"}},
       {"cli", {"study", "exchange"}},
       {"data_gen", {"scene"}},
   };
