@@ -72,6 +72,7 @@ struct Histogram {
 
 struct Summary {
   std::map<int, std::map<int, std::size_t>> counts;  // By layer, by wave.
+  std::size_t unfinished = 0;                        // Of a stopped bake, or of shards.
   std::optional<Box3d> bounds;                       // World space.
   std::vector<double> radii, relative_errors, gradients;
 };
@@ -80,6 +81,7 @@ Summary summarise(const CacheContents& contents) {
   Summary summary;
   for (const SurfaceRecord& record : contents.records) {
     ++summary.counts[record.layer()][record.wave()];
+    summary.unfinished += (record.flags & kUnfinishedViewFlag) != 0;
     const Vec3d p = contents.header.origin + vector(record.position);
     if (is_finite(p)) {
       if (!summary.bounds) summary.bounds.emplace();
@@ -263,6 +265,14 @@ void print_summary(std::ostream& out, const std::filesystem::path& file, const C
               shown_vector(summary.bounds->min) + "  to  " + shown_vector(summary.bounds->max));
   print_row(out, "records", std::to_string(contents.records.size()) + " on surfaces, 0 in volumes, in " +
                                 std::to_string(contents.sealed_blocks) + " blocks");
+  if (summary.unfinished > 0)
+    print_row(out, "unfinished",
+              std::to_string(summary.unfinished) +
+                  " records of a bake that was stopped, or of a part of its shards");
+  const ShardSet& shards = contents.header.shards;
+  if (shards.count > 0)
+    print_row(out, "shards",
+              std::to_string(shards.done.size()) + " of " + std::to_string(shards.count));
   print_row(out, "bad records", std::to_string(check.bad_records));
   print_row(out, "valid bytes", std::to_string(check.valid_bytes) + " of " +
                                     std::to_string(check.file_bytes) +
@@ -295,6 +305,9 @@ Json summary_json(const CacheCheck& check, const Summary& summary) {
     object["bounds"] = Json::array({json_of(summary.bounds->min), json_of(summary.bounds->max)});
   object["sealed_blocks"] = contents.sealed_blocks;
   object["bad_records"] = check.bad_records;
+  object["unfinished_records"] = summary.unfinished;
+  object["shards"] = {{"count", contents.header.shards.count},
+                      {"done", contents.header.shards.done}};
   object["complete"] = contents.is_complete;
   object["valid_bytes"] = check.valid_bytes;
   object["file_bytes"] = check.file_bytes;
@@ -335,7 +348,7 @@ int inspect_cache(const std::filesystem::path& file, const InspectCacheOptions& 
   std::optional<IrradianceCache> cache;
   std::optional<Answers> answers;
   if (options.at) {
-    cache.emplace(contents.records, contents.header.origin);
+    cache.emplace(contents.records, contents.header.origin, contents.curve_order);
     answers = ask(*cache, options);
   }
   const Summary summary = summarise(contents);
