@@ -141,9 +141,16 @@ def read_header(data):
                        "type": text(data[at + 28:at + 32]), "kind": kind, "offset": offset,
                        "count": count})
     settings = data[1024:1024 + struct.unpack_from("<I", data, 88)[0]].decode("utf-8", "replace")
+    shards = {"request": 0, "count": 0, "done": []}
+    if minor >= 1:
+        shards["request"], shards["count"] = struct.unpack_from("<QI", data, 3560)
+        shards["done"] = [i for i in range(4096) if data[3576 + i // 8] >> i % 8 & 1]
+        check(shards["count"] <= 4096 and all(i < shards["count"] for i in shards["done"]),
+              "it names shards that cannot be")
     return {"format": [major, minor], "records_per_block": block_records, "record_bytes": list(kinds),
             "fingerprint": "%016x%016x" % words, "origin": list(struct.unpack_from("<3d", data, 64)),
-            "creator": text(data[96:128]), "settings": settings, "schema": schema}
+            "creator": text(data[96:128]), "settings": settings, "shards": shards,
+            "schema": schema}
 
 
 def read_blocks(data, header):
@@ -191,6 +198,21 @@ def records_of(data, at, block, header):
         yield record
 
 
+def check_order(data, blocks, starts):
+    """What kind 3 holds: every surface record once, layer by layer."""
+    order, places, cumulative = {}, {}, 0
+    for block, at in zip(blocks, starts):
+        if block["kind"] == 1:
+            places.setdefault(block["layer"], set()).update(range(cumulative, cumulative + block["count"]))
+            cumulative += block["count"]
+        elif block["kind"] == 3:
+            indices = struct.unpack_from("<%dI" % (16 * block["count"]), data, at)
+            order.setdefault(block["layer"], []).extend(i for i in indices if i != 0xFFFFFFFF)
+    for layer, indices in order.items():
+        check(len(indices) == len(set(indices)) and set(indices) == places.get(layer, set()),
+              "the order of layer %d is none of its records" % layer)
+
+
 def main():
     parser = argparse.ArgumentParser(description="Reads a brume irradiance cache.")
     parser.add_argument("file")
@@ -201,15 +223,17 @@ def main():
         data = stream.read()
     try:
         header = read_header(data)
-        blocks = []
+        blocks, starts = [], []
         for block, at in read_blocks(data, header):
             blocks.append(block)
-            if options.records:
+            starts.append(at)
+            if options.records and block["kind"] != 3:
                 for record in records_of(data, at, block, header):
                     print(json.dumps(record))
+        check_order(data, blocks, starts)
         if not options.records:
             print(json.dumps({**header, "blocks": blocks,
-                              "record_count": sum(b["count"] for b in blocks)}, indent=1))
+                              "record_count": sum(b["count"] for b in blocks if b["kind"] != 3)}, indent=1))
     except Damaged as reason:
         print("error: %s: %s" % (options.file, reason), file=sys.stderr)
         return 3

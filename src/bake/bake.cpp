@@ -2,10 +2,15 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cstring>
+#include <mutex>
+#include <optional>
+#include <span>
 #include <unordered_map>
+#include <unordered_set>
 
 #include "bake/placement.h"
+#include "bake/record_maker.h"
+#include "bake/work_units.h"
 #include "core/error.h"
 #include "core/parallel.h"
 #include "core/random.h"
@@ -13,23 +18,20 @@
 namespace brume {
 namespace {
 
-// Deeper layers are seen only through another gather, which averages them: half the cells each way,
-// twice the spacing, and no small radii.
-constexpr int kDeeperCellsDivisor = 2;
-constexpr double kDeeperErrorFactor = 2, kDeeperMinRadiusFactor = 8;
 // A layer that changes the mean irradiance by less than this stands for all above it.
 constexpr double kConverged = 2e-3;
 // Candidates count as covered a little inside a record's edge, where its weight is not yet 0.
 constexpr double kCoveredWithin = 0.8;
-// Waves of a view, by pixel stride: the first are global, the rest stay in their tile. They count
+// Waves of a view, by pixel stride: the first are global, the rest stay in their cell. They count
 // from where those over all surfaces never get to, so that each can tell how far its own kind came.
-constexpr int kCoarsestStride = 32, kFinestGlobalStride = 8, kTilePixels = 64;
+constexpr int kCoarsestStride = 32, kFinestGlobalStride = 8;
 constexpr int kFirstViewWave = 128;
+// Over all surfaces, so many of the last waves stay in their cell.
+constexpr int kWavesInCells = 3;
+// Rows of a frame whose candidates are looked at together; a multiple of every stride.
+constexpr int kBandRows = 64;
 
-struct Worker {
-  std::unique_ptr<Gatherer> gatherer;
-  Counters counters;
-};
+Vec3d vector(const float* v) { return {v[0], v[1], v[2]}; }
 
 class Baker {
  public:
@@ -40,9 +42,8 @@ class Baker {
         settings_(settings),
         request_(request),
         effects_(plan_effects(world_, settings.bounces, settings.volume_bounces)),
-        origin_((world_.bounds().min + world_.bounds().max) * 0.5) {
-    for (int a = 0; a < 3; ++a)
-      if (!std::isfinite(origin_[a])) origin_[a] = 0;
+        origin_(existing ? existing->origin() : bake_origin(world_)),
+        maker_(lighting, effects_, settings, origin_, request.threads, request.journal) {
     if (existing != nullptr) {
       for (const SurfaceRecord& r : existing->records()) {
         if ((r.flags & kUnfinishedViewFlag) == 0)
@@ -50,7 +51,6 @@ class Baker {
         else
           unfinished_.emplace(r.key, r);
       }
-      origin_ = existing->origin();
       existing_ = existing->records().size();
     }
     cache_ = std::make_shared<IrradianceCache>(records_, origin_);
@@ -64,25 +64,35 @@ class Baker {
   using Points = std::vector<SurfacePoint>;
   using Records = std::vector<SurfaceRecord>;
 
+  // Any thread.
   bool is_stopped() {
-    stopped_ = stopped_ || (request_.stop_requested && request_.stop_requested());
+    if (!stopped_ && request_.stop_requested && request_.stop_requested()) stopped_ = true;
     return stopped_;
   }
-  void use_layer(int layer);
+  bool has_room_for(std::size_t more) {
+    if (more <= request_.record_limit && records_.size() <= request_.record_limit - more)
+      return true;
+    stopped_ = is_at_limit_ = true;
+    return false;
+  }
   bool has_records_above(int layer) const {
     return !records_.empty() && records_.back().layer() > layer;
   }
   int next_wave_everywhere(int layer) const;
   void everywhere(int layer, const std::string& stage);
   void views(int layer);
-  Points uncovered(const Points& points, int layer, const IrradianceCache* more);
-  SurfaceRecord placed(const SurfacePoint& point, int layer, int wave) const;
-  void gather(const SurfacePoint& point, SurfaceRecord& r, Worker& worker) const;
-  Records gather_all(const Points& points, int layer, int wave);
-  void clamp_by_neighbours(Records& fresh, int layer, const IrradianceCache* more) const;
+  void add_frame(WorkUnits& work, std::uint32_t batch, const BakeView& view, int stride, int layer);
+  Points uncovered(const Points& points, int layer);
+  bool covers(const IrradianceCache& cache, const Candidate& c, int layer) const;
+  // Gathers at all points, clamps and seals them; false where the bake stops first.
+  bool bake_wave(const Points& points, int layer, int wave);
   void seal(Records fresh);
-  Records bake_tile(const BakeView& view, const PixelRect& tile, int layer, int first_wave,
-                    Worker& worker);
+  void bake_units(WorkUnits& work, int layer);
+  std::optional<Records> bake_unit(const WorkUnits& work, WorkUnit unit, int layer, int slot);
+  Records bake_batch(std::span<const Candidate> open, int layer, const CandidateBatch& batch,
+                     const IrradianceCache& own, int slot);
+  Records with_unfinished(Records records) const;
+  void offer_snapshot();
   double change_of(int layer) const;
   void report(const std::string& stage, double fraction) const {
     if (request_.progress) request_.progress(stage, fraction);
@@ -96,44 +106,27 @@ class Baker {
   Vec3d origin_;
   Records records_;
   std::size_t existing_ = 0;
-  // Of the top layer, by key: tiles of views that a stopped bake left unfinished. A tile's
-  // placement knows its view's global waves and itself alone, so these cover nothing until their
-  // tile chooses them again.
+  // Of the top layer, by key: cells that a stopped bake, or a shard, finished without the others. A
+  // cell's placement knows the global waves and itself alone, so these cover nothing until their
+  // cell chooses them again.
   std::unordered_map<std::uint64_t, SurfaceRecord> unfinished_;
-  std::shared_ptr<IrradianceCache> cache_;
-  std::vector<Worker> workers_;
-  HitLight below_;
-  BakeSettings layer_settings_;  // As the layer uses them.
+  // Of the cells finished in this run; guarded while they are being baked.
+  std::vector<Records> finished_units_;
+  std::mutex units_mutex_, snapshot_mutex_;
+  std::shared_ptr<const IrradianceCache> cache_;
+  RecordMaker maker_;
   double truncation_bound_ = 0;
   int layers_ = 0;
-  bool stopped_ = false;
+  std::atomic<bool> stopped_ = false;
+  bool is_at_limit_ = false;
   BakeStats stats_;
 };
 
-// Gatherers for one layer: its options, and the sealed layer that its hits read.
-void Baker::use_layer(int layer) {
-  layer_settings_ = settings_;
-  if (layer < top_layer(settings_)) {
-    GatherOptions& g = layer_settings_.gather;
-    g.cells_theta = std::max(4, g.cells_theta / kDeeperCellsDivisor);
-    g.cells_phi = std::max(8, g.cells_phi / kDeeperCellsDivisor);
-    layer_settings_.error *= kDeeperErrorFactor;
-    layer_settings_.min_radius =
-        std::min(layer_settings_.max_radius, layer_settings_.min_radius * kDeeperMinRadiusFactor);
-  }
-  const std::size_t slots = static_cast<std::size_t>(resolve_thread_count(request_.threads));
-  workers_.resize(slots);
-  for (Worker& w : workers_)
-    w.gatherer = std::make_unique<Gatherer>(lighting_, effects_, layer_settings_.gather);
-  below_ = light_below(*cache_, layer);
-}
-
-Baker::Points Baker::uncovered(const Points& points, int layer, const IrradianceCache* more) {
+Baker::Points Baker::uncovered(const Points& points, int layer) {
   std::vector<std::uint8_t> keep(points.size());
   parallel_for(request_.threads, points.size(), 256, [&](std::size_t i) {
     const IrradianceQuery query{layer, points[i].position, points[i].normal, points[i].min_radius};
-    keep[i] = !cache_->covers(query, kCoveredWithin) &&
-              !(more != nullptr && more->covers(query, kCoveredWithin));
+    keep[i] = !cache_->covers(query, kCoveredWithin);
   });
   Points left;
   for (std::size_t i = 0; i < points.size(); ++i)
@@ -141,85 +134,24 @@ Baker::Points Baker::uncovered(const Points& points, int layer, const Irradiance
   return left;
 }
 
-// A record that knows where it is, and its key.
-SurfaceRecord Baker::placed(const SurfacePoint& point, int layer, int wave) const {
-  SurfaceRecord r{};
-  const Vec3d local = point.position - origin_;
-  for (int a = 0; a < 3; ++a) {
-    r.position[a] = static_cast<float>(local[a]);
-    r.normal[a] = static_cast<float>(point.normal[a]);
-  }
-  std::uint32_t bits[6];
-  std::memcpy(bits, r.position, sizeof r.position);
-  std::memcpy(bits + 3, r.normal, sizeof r.normal);
-  // Without the layer: layers that choose the same point share its random numbers, so that what
-  // changes from one to the next is light, not noise.
-  r.key = random_key(bits[0], bits[1], bits[2], bits[3], bits[4], bits[5]);
-  r.flags = record_flags(layer, wave);
-  return r;
+bool Baker::covers(const IrradianceCache& cache, const Candidate& c, int layer) const {
+  return cache.covers({layer, vector(c.position) + origin_, vector(c.normal), c.min_radius},
+                      kCoveredWithin);
 }
 
-// The rest of a record that is placed.
-void Baker::gather(const SurfacePoint& point, SurfaceRecord& r, Worker& worker) const {
-  // The point as stored, so that the record is a function of what is in the file.
-  const Vec3d normal = Vec3d(r.normal[0], r.normal[1], r.normal[2]).normalized();
-  const GatherPoint at{Vec3d(r.position[0], r.position[1], r.position[2]) + origin_, normal,
-                       point.offset, random_key(settings_.seed, r.key)};
-  const GatherResult g = worker.gatherer->gather(at, below_, worker.counters);
-  const RgbGradient gradient = g.terms.sum();
-  const Frame frame(normal);
-  for (int c = 0; c < 3; ++c) {
-    r.irradiance[c] = static_cast<float>(g.irradiance[c]);
-    for (int a = 0; a < 3; ++a) r.gradient[3 * c + a] = static_cast<float>(gradient[c][a]);
-    r.rotational[2 * c] = static_cast<float>(g.rotational[c].dot(frame.u));
-    r.rotational[2 * c + 1] = static_cast<float>(g.rotational[c].dot(frame.v));
-  }
-  if (settings_.gather.gradient == GradientMode::None)
-    std::fill(std::begin(r.rotational), std::end(r.rotational), 0.0f);
-  const double radius = split_sphere_radius(g, normal, layer_settings_, world_.diagonal());
-  r.radius[0] = r.radius[1] = static_cast<float>(radius);
-  r.error = static_cast<float>(g.error);
-  const double all = luminance(g.irradiance);
-  r.media_share = all > 0 ? static_cast<float>(luminance(g.irradiance_media) / all) : 0;
-}
-
-Baker::Records Baker::gather_all(const Points& points, int layer, int wave) {
+bool Baker::bake_wave(const Points& points, int layer, int wave) {
+  if (is_stopped() || !has_room_for(points.size())) return false;
   Records fresh(points.size());
   parallel_for_slots(request_.threads, points.size(), 1, [&](std::size_t i, int slot) {
-    fresh[i] = placed(points[i], layer, wave);
-    gather(points[i], fresh[i], workers_[slot]);
+    if (is_stopped()) return;
+    offer_snapshot();
+    fresh[i] = maker_.place(points[i], layer, wave);
+    maker_.gather(points[i].offset, fresh[i], slot);
   });
-  return fresh;
-}
-
-// A record close to another with a small radius must not reach far past it: R_i <= R_j + |x_i -
-// x_j| (neighbour clamping, Krivanek et al. 2006). Reads radii as gathered, so order plays no part.
-void Baker::clamp_by_neighbours(Records& fresh, int layer, const IrradianceCache* more) const {
-  if (fresh.empty()) return;
-  Records sorted = fresh;
-  std::sort(sorted.begin(), sorted.end(), RecordOrder());
-  const IrradianceCache peers(std::move(sorted), origin_);
-  parallel_for(request_.threads, fresh.size(), 64, [&](std::size_t i) {
-    SurfaceRecord& r = fresh[i];
-    const Vec3d p = Vec3d(r.position[0], r.position[1], r.position[2]) + origin_;
-    const Vec3d n(r.normal[0], r.normal[1], r.normal[2]);
-    const double own = r.radius[0];
-    double radius = own;
-    for (const IrradianceCache* others :
-         std::initializer_list<const IrradianceCache*>{cache_.get(), &peers, more}) {
-      if (others == nullptr) continue;
-      for (const RecordWeight& w : others->explain({layer, p, n, own})) {
-        const SurfaceRecord& o = *w.record;
-        const double d =
-            (Vec3d(o.position[0], o.position[1], o.position[2]) + origin_ - p).length();
-        radius = std::min(radius, std::min(o.radius[0], o.radius[1]) + d);
-      }
-    }
-    if (radius < own) {
-      r.radius[0] = r.radius[1] = static_cast<float>(radius);
-      r.flags |= kRadiusClampedFlag;
-    }
-  });
+  if (stopped_) return false;
+  maker_.clamp_by_neighbours(fresh, layer, {cache_.get()});
+  seal(std::move(fresh));
+  return true;
 }
 
 void Baker::seal(Records fresh) {
@@ -232,8 +164,6 @@ void Baker::seal(Records fresh) {
                              }),
                  records_.end());
   cache_ = std::make_shared<IrradianceCache>(records_, origin_);
-  // What layers below gave was read from the cache just replaced; it has not changed.
-  if (below_.cache != nullptr) below_.cache = cache_.get();
 }
 
 // A wave is sealed whole or not at all, so those up to the last one with records are done.
@@ -246,106 +176,175 @@ int Baker::next_wave_everywhere(int layer) const {
 
 // Waves of candidates over all surfaces, each twice as dense as the one before. Goes on after the
 // waves that an earlier bake sealed: asked again, those would fill what their thinning left to the
-// next.
+// next. Those of the top layer end in cells, as it is the one that shards share.
 void Baker::everywhere(int layer, const std::string& stage) {
-  use_layer(layer);
+  maker_.use_layer(layer, cache_);
   const SurfacePoints surfaces(world_.tracer());
-  const double coarsest = layer_settings_.max_radius * world_.diagonal();
-  const double finest = layer_settings_.min_radius * world_.diagonal();
+  const double coarsest = maker_.layer_settings().max_radius * world_.diagonal();
+  const double finest = maker_.layer_settings().min_radius * world_.diagonal();
   const int waves = std::min(
       kFirstViewWave, static_cast<int>(std::ceil(std::log2(std::max(1.0, coarsest / finest)))) + 2);
-  for (int wave = next_wave_everywhere(layer); wave < waves && !is_stopped(); ++wave) {
-    const double spacing = std::ldexp(coarsest, -wave);
+  const int first_in_cells =
+      layer == top_layer(settings_) ? std::max(0, waves - kWavesInCells) : waves;
+  int wave = next_wave_everywhere(layer);
+  if (wave > first_in_cells) return;
+  const auto open = [&] {
     report(stage, double(wave) / waves);
-    const Points open =
-        uncovered(surfaces.points(spacing, random_key(settings_.seed, wave)), layer, nullptr);
-    Records fresh = gather_all(thin(open, 0.7 * std::max(spacing, finest)), layer, wave);
-    if (stopped_) return;
-    clamp_by_neighbours(fresh, layer, nullptr);
-    seal(std::move(fresh));
+    return uncovered(surfaces.points(std::ldexp(coarsest, -wave), random_key(settings_.seed, wave)),
+                     layer);
+  };
+  const auto distance = [&] { return 0.7 * std::max(std::ldexp(coarsest, -wave), finest); };
+  for (; wave < first_in_cells; ++wave)
+    if (is_stopped() || !bake_wave(thin(open(), distance()), layer, wave)) return;
+  if (layer != top_layer(settings_)) return;
+  WorkUnits work(origin_);
+  for (; wave < waves; ++wave) {
+    const std::uint32_t batch = work.add_batch({wave, distance()});
+    for (const SurfacePoint& p : open()) work.add(batch, p, finest);
+  }
+  bake_units(work, layer);
+}
+
+void Baker::add_frame(WorkUnits& work, std::uint32_t batch, const BakeView& view, int stride,
+                      int layer) {
+  for (int y = 0; y < view.height && !is_stopped(); y += kBandRows) {
+    const PixelRect band{0, y, view.width, std::min(y + kBandRows, view.height)};
+    for (const SurfacePoint& p : uncovered(view_points(world_, view, band, stride, true), layer))
+      work.add(batch, p, p.min_radius / kFootprintPixels);
   }
 }
 
-Baker::Records Baker::bake_tile(const BakeView& view, const PixelRect& tile, int layer,
-                                int first_wave, Worker& worker) {
+void Baker::views(int layer) {
+  maker_.use_layer(layer, cache_);
+  int wave = kFirstViewWave;
+  for (int stride = kCoarsestStride; stride >= kFinestGlobalStride; stride /= 2, ++wave)
+    for (const BakeView& view : request_.views) {
+      const PixelRect frame{0, 0, view.width, view.height};
+      report("gather", 0.1 * (wave - kFirstViewWave));
+      const Points open =
+          uncovered(view_points(world_, view, frame, stride, stride < kCoarsestStride), layer);
+      if (!bake_wave(open, layer, wave)) return;
+    }
+  WorkUnits work(origin_);
+  for (int stride = kFinestGlobalStride / 2; stride >= 1; stride /= 2, ++wave)
+    for (const BakeView& view : request_.views)
+      add_frame(work, work.add_batch({wave, 0}), view, stride, layer);
+  bake_units(work, layer);
+}
+
+// Nothing unless the bake stops within the unit.
+std::optional<Baker::Records> Baker::bake_unit(const WorkUnits& work, WorkUnit unit, int layer,
+                                               int slot) {
   Records all;
   IrradianceCache own({}, origin_);
-  int wave = first_wave;
-  for (int stride = kFinestGlobalStride / 2; stride >= 1; stride /= 2, ++wave) {
-    Records fresh, found;
-    for (const SurfacePoint& p : view_points(world_, view, tile, stride, true)) {
-      const IrradianceQuery query{layer, p.position, p.normal, p.min_radius};
-      if (cache_->covers(query, kCoveredWithin) || own.covers(query, kCoveredWithin)) continue;
-      SurfaceRecord r = placed(p, layer, wave);
-      if (const auto it = unfinished_.find(r.key); it != unfinished_.end()) {
-        found.push_back(it->second);
-        found.back().flags &= ~kUnfinishedViewFlag;
-        continue;
-      }
-      gather(p, r, worker);
-      fresh.push_back(r);
-    }
-    clamp_by_neighbours(fresh, layer, &own);
+  for (std::size_t begin = 0; begin < unit.size();) {
+    const std::uint32_t batch = unit[begin].batch;
+    std::vector<Candidate> open;
+    for (; begin < unit.size() && unit[begin].batch == batch; ++begin)
+      if (!covers(own, unit[begin], layer)) open.push_back(unit[begin]);
+    if (open.empty()) continue;
+    const Records fresh = bake_batch(open, layer, work.batch(batch), own, slot);
+    if (stopped_) return std::nullopt;
     all.insert(all.end(), fresh.begin(), fresh.end());
-    all.insert(all.end(), found.begin(), found.end());
     std::sort(all.begin(), all.end(), RecordOrder());
     own = IrradianceCache(all, origin_);
   }
   return all;
 }
 
-void Baker::views(int layer) {
-  use_layer(layer);
-  int wave = kFirstViewWave;
-  for (int stride = kCoarsestStride; stride >= kFinestGlobalStride; stride /= 2, ++wave) {
-    for (const BakeView& view : request_.views) {
-      if (is_stopped()) return;
-      const PixelRect frame{0, 0, view.width, view.height};
-      const Points open = uncovered(
-          view_points(world_, view, frame, stride, stride < kCoarsestStride), layer, nullptr);
-      report("gather", 0.1 * (wave - kFirstViewWave));
-      Records fresh = gather_all(open, layer, wave);
-      if (stopped_) return;
-      clamp_by_neighbours(fresh, layer, nullptr);
-      seal(std::move(fresh));
+Baker::Records Baker::bake_batch(std::span<const Candidate> open, int layer,
+                                 const CandidateBatch& batch, const IrradianceCache& own,
+                                 int slot) {
+  Points points;
+  for (const Candidate& c : open)
+    points.push_back({vector(c.position) + origin_, vector(c.normal), c.offset, c.min_radius});
+  if (batch.thinned_to > 0) points = thin(points, batch.thinned_to);
+  Records fresh, found;
+  for (const SurfacePoint& p : points) {
+    if (is_stopped()) return {};
+    offer_snapshot();
+    SurfaceRecord r = maker_.place(p, layer, batch.wave);
+    if (const auto it = unfinished_.find(r.key); it != unfinished_.end()) {
+      found.push_back(it->second);
+      found.back().flags &= ~kUnfinishedViewFlag;
+      continue;
     }
+    maker_.gather(p.offset, r, slot);
+    fresh.push_back(r);
   }
-  for (const BakeView& view : request_.views) {
-    std::vector<PixelRect> tiles;
-    for (int y = 0; y < view.height; y += kTilePixels)
-      for (int x = 0; x < view.width; x += kTilePixels)
-        tiles.push_back(
-            {x, y, std::min(x + kTilePixels, view.width), std::min(y + kTilePixels, view.height)});
-    std::vector<Records> baked(tiles.size());
-    std::atomic<bool> stop = false;
-    std::atomic<std::size_t> done = 0;
-    parallel_for_slots(request_.threads, tiles.size(), 1, [&](std::size_t i, int slot) {
-      if (stop || (request_.stop_requested && request_.stop_requested())) {
-        stop = true;
-        return;
-      }
-      baked[i] = bake_tile(view, tiles[i], layer, wave, workers_[slot]);
-      if (request_.stop_requested && request_.stop_requested()) {
-        // Whether this tile was finished cannot be told: it is baked again.
-        baked[i].clear();
-        stop = true;
-        return;
-      }
-      if (slot == 0)
-        report("gather", 0.3 + 0.7 * double(++done) / double(tiles.size()));
-      else
-        ++done;
-    });
-    Records fresh;
-    for (const Records& r : baked) fresh.insert(fresh.end(), r.begin(), r.end());
-    if (stop) {
-      for (SurfaceRecord& r : fresh) r.flags |= kUnfinishedViewFlag;
-      stopped_ = true;
+  maker_.clamp_by_neighbours(fresh, layer, {cache_.get(), &own});
+  fresh.insert(fresh.end(), found.begin(), found.end());
+  return fresh;
+}
+
+// Units begin in their order, so that those that keep within the record limit are the same ones for
+// any number of threads.
+void Baker::bake_units(WorkUnits& work, int layer) {
+  if (is_stopped()) return;
+  std::vector<WorkUnit> units;
+  std::uint32_t number = 0;
+  for (const WorkUnit& unit : work.units())
+    if (number++ % request_.shard.count == request_.shard.index) units.push_back(unit);
+  finished_units_.assign(units.size(), {});
+  std::vector<std::uint8_t> is_finished(units.size());
+  std::atomic<std::size_t> next = 0, done = 0, made = 0;
+  const std::size_t room =
+      records_.size() < request_.record_limit ? request_.record_limit - records_.size() : 0;
+  parallel_for_slots(request_.threads, units.size(), 1, [&](std::size_t, int slot) {
+    if (made > room) return;
+    const std::size_t i = next++;
+    std::optional<Records> records = bake_unit(work, units[i], layer, slot);
+    if (!records) return;
+    made += records->size();
+    const double fraction = 0.3 + 0.7 * double(++done) / double(units.size());
+    {
+      const std::lock_guard lock(units_mutex_);
+      finished_units_[i] = std::move(*records);
+      is_finished[i] = 1;
     }
-    seal(std::move(fresh));
-    if (stopped_) return;
+    if (slot == 0) report("gather", fraction);
+  });
+  Records fresh;
+  for (std::size_t i = 0; i < units.size(); ++i) {
+    if (made > room && fresh.size() + finished_units_[i].size() > room) {
+      stopped_ = is_at_limit_ = true;
+      break;
+    }
+    if (!is_finished[i]) continue;
+    fresh.insert(fresh.end(), finished_units_[i].begin(), finished_units_[i].end());
   }
+  finished_units_.clear();
+  const bool is_part = stopped_ || request_.shard.count > 1;
+  if (is_part)
+    for (SurfaceRecord& r : fresh) r.flags |= kUnfinishedViewFlag;
+  seal(std::move(fresh));
+  if (is_part) return;
   for (auto& [key, r] : unfinished_) r.flags &= ~kUnfinishedViewFlag;
+}
+
+// What no cell chose again belongs to other views, or to cells that have not been reached again.
+Baker::Records Baker::with_unfinished(Records records) const {
+  std::unordered_set<std::uint64_t> chosen;
+  for (const SurfaceRecord& r : records)
+    if (r.layer() == top_layer(settings_)) chosen.insert(r.key);
+  for (const auto& [key, r] : unfinished_)
+    if (!chosen.contains(key)) records.push_back(r);
+  return records;
+}
+
+void Baker::offer_snapshot() {
+  if (!request_.snapshot_requested || !request_.snapshot_requested()) return;
+  Records all = records_;
+  {
+    const std::lock_guard lock(units_mutex_);
+    for (const Records& unit : finished_units_)
+      for (SurfaceRecord r : unit) {
+        r.flags |= kUnfinishedViewFlag;
+        all.push_back(r);
+      }
+  }
+  const std::lock_guard lock(snapshot_mutex_);
+  request_.snapshot(std::make_shared<IrradianceCache>(with_unfinished(std::move(all)), origin_));
 }
 
 // Mean change from the layer below to `layer`, at the records of `layer`, relative to its mean.
@@ -353,8 +352,7 @@ double Baker::change_of(int layer) const {
   double change = 0, sum = 0;
   for (const SurfaceRecord& r : records_) {
     if (r.layer() != layer) continue;
-    const Vec3d p = Vec3d(r.position[0], r.position[1], r.position[2]) + origin_;
-    const Vec3d n(r.normal[0], r.normal[1], r.normal[2]);
+    const Vec3d p = vector(r.position) + origin_, n = vector(r.normal);
     const double here = luminance(Rgb(r.irradiance[0], r.irradiance[1], r.irradiance[2]));
     const InterpolatedIrradiance below = cache_->irradiance({layer - 1, p, n, 0});
     if (below.records == 0) continue;
@@ -402,17 +400,14 @@ void Baker::bake_top() {
 }
 
 BakeResult Baker::finish() {
-  // What no tile chose again belongs to other views, or to tiles that have not been reached again.
   if (!unfinished_.empty()) {
-    for (const SurfaceRecord& r : records_)
-      if (r.layer() == top_layer(settings_)) unfinished_.erase(r.key);
-    Records others;
-    for (const auto& [key, r] : unfinished_) others.push_back(r);
-    seal(std::move(others));
+    Records all = with_unfinished(std::move(records_));
+    records_.clear();
+    seal(std::move(all));
   }
-  for (const Worker& w : workers_) stats_.counters += w.counters;
+  stats_.counters = maker_.counters();
   stats_.records_added = records_.size() - existing_;
-  return {cache_, std::move(stats_), truncation_bound_, layers_, stopped_};
+  return {cache_, std::move(stats_), truncation_bound_, layers_, stopped_, is_at_limit_};
 }
 
 void check(const BakeSettings& s) {

@@ -1,16 +1,18 @@
 // Fills an irradiance cache: place, gather, radius, clamp, seal, wave by wave.
 //
-// Records are pure functions of (fingerprint, key); placement reads sealed waves and its own tile only, so
-// the records depend on no thread count (docs/decisions/0001).
+// Records are pure functions of (fingerprint, key); placement reads sealed waves and its own cell
+// only, so the records depend on no thread count, shard or interruption (docs/decisions/0001).
 #pragma once
 
 #include <atomic>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "cache/cache_journal.h"
 #include "cache/irradiance_cache.h"
 #include "gather/gather.h"
 #include "plan/effects.h"
@@ -41,14 +43,33 @@ struct BakeView {
   int width = 0, height = 0;
 };
 
+// Part `index` of `count` of the finest waves; what comes before them is the same in every shard.
+struct Shard {
+  std::uint32_t index = 0, count = 1;
+};
+
 struct BakeRequest {
   std::vector<BakeView> views;
   bool everywhere = false;  // Cover all surfaces instead.
   int threads = 0;
+  Shard shard{};
+  // Stops before the cache holds more records than this, at the same place for any number of
+  // threads.
+  std::size_t record_limit = std::numeric_limits<std::size_t>::max();
+  // Where gathers are noted as they are made, and found that an earlier run made; null: nowhere.
+  CacheJournal* journal = nullptr;
   // Stage name and fraction of it; from one thread.
   std::function<void(const std::string& stage, double fraction)> progress;
   std::function<bool()> stop_requested;
+  // True once for each time that somebody wants to see what there is; then snapshot() gets all
+  // records so far, as a bake stopped here would leave them. From any thread, one at a time; the
+  // bake goes on.
+  std::function<bool()> snapshot_requested;
+  std::function<void(std::shared_ptr<const IrradianceCache>)> snapshot;
 };
+
+// What of a request decides which records it makes: views and sizes.
+std::uint64_t request_hash(const BakeRequest& request);
 
 struct BakeStats {
   std::vector<std::pair<std::string, double>> seconds;  // By stage, in order.
@@ -63,7 +84,9 @@ struct BakeResult {
   // continued at the ratio of successive changes. 0 when every bounce asked for was baked.
   double truncation_bound = 0;
   int layers = 0;           // Baked or found, the top one included.
-  bool is_stopped = false;  // stop_requested() said so; what is in the cache is whole waves or tiles.
+  // stop_requested() said so, or a limit is reached; what is in the cache is whole waves or cells.
+  bool is_stopped = false;
+  bool is_at_record_limit = false;
 };
 
 // The layer that eye rays ask. Layer l answers the gathers of the layers above it.

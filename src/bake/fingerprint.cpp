@@ -6,7 +6,7 @@ namespace brume {
 namespace {
 
 // Bumped whenever the same scene and settings would give other records.
-constexpr int kAlgorithmVersion = 2;
+constexpr int kAlgorithmVersion = 3;
 
 std::string number(double v) {
   char text[40];
@@ -31,6 +31,18 @@ std::string BakeSettings::to_json() const {
 Fingerprint bake_fingerprint(const World& world, const BakeSettings& settings) {
   // The JSON holds every setting, exactly.
   return FingerprintBuilder().add(world.fingerprint()).add(settings.to_json()).finish();
+}
+
+std::uint64_t request_hash(const BakeRequest& request) {
+  FingerprintBuilder all;
+  all.add(request.everywhere);
+  for (const BakeView& view : request.views) {
+    const Camera& c = view.camera;
+    for (const Vec3d& v : {c.position, c.look_at, c.up})
+      for (int a = 0; a < 3; ++a) all.add(v[a]);
+    all.add(c.fov_deg).add(view.width).add(view.height);
+  }
+  return all.finish().words[0];
 }
 
 }  // namespace brume

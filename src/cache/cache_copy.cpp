@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "cache/irradiance_cache.h"
 #include "core/error.h"
 
 namespace brume {
@@ -32,6 +33,15 @@ std::vector<std::size_t> standard_batch_ends(const std::vector<SurfaceRecord>& r
   return ends;
 }
 
+std::vector<std::uint32_t> lookup_order(const std::vector<SurfaceRecord>& records,
+                                        const Vec3d& origin) {
+  const IrradianceCache cache(records, origin);
+  std::vector<std::uint32_t> all;
+  for (int layer = 0; layer < cache.layers(); ++layer)
+    for (const std::uint32_t index : cache.curve_order(layer)) all.push_back(index);
+  return all;
+}
+
 void write_cache_contents(const std::filesystem::path& file, CacheContents contents) {
   std::vector<SurfaceRecord>& records = contents.records;
   for (std::size_t i = 0; i < records.size(); ++i)
@@ -48,6 +58,12 @@ void write_cache_contents(const std::filesystem::path& file, CacheContents conte
     writer.seal({records.begin() + static_cast<std::ptrdiff_t>(begin),
                  records.begin() + static_cast<std::ptrdiff_t>(end)});
     begin = end;
+  }
+  if (!contents.curve_order.empty()) {  // As it was for other records: a part has its own.
+    const IrradianceCache cache(std::move(records), contents.header.origin);
+    for (int layer = 0; layer < cache.layers(); ++layer)
+      if (const auto order = cache.curve_order(layer); !order.empty())
+        writer.seal_order(layer, order);
   }
   writer.finish();
 }

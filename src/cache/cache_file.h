@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -15,15 +16,29 @@
 
 namespace brume {
 
+// Which shards of one bake a cache that is no whole one holds.
+struct ShardSet {
+  static constexpr std::uint32_t kMaxShards = 4096;
+
+  std::uint64_t request = 0;  // Hash of what the bake covers: shards of other requests do not fit.
+  std::uint32_t count = 0;    // 0: a whole cache, or one that no shard made.
+  std::vector<std::uint32_t> done;  // Ascending, each below `count`.
+
+  bool is_valid() const;
+  std::vector<std::uint32_t> missing() const;
+  friend bool operator==(const ShardSet&, const ShardSet&) = default;
+};
+
 struct CacheHeader {
   Fingerprint fingerprint;
   Vec3d origin{0.0};       // What record positions are relative to.
   std::string settings;    // Bake settings as one line of JSON, for people and `inspect`.
   std::string creator;     // Program and version; no clock, host or path.
   int format_minor = 0;    // Set by reading.
+  ShardSet shards{};
 
   // Longer ones are an Error(Internal) of CacheWriter; control characters too.
-  static constexpr std::size_t kMaxSettingsBytes = 3064, kMaxCreatorBytes = 32;
+  static constexpr std::size_t kMaxSettingsBytes = 2536, kMaxCreatorBytes = 32;
 };
 
 inline constexpr int kCacheFormatVersion = 1;
@@ -33,6 +48,8 @@ struct CacheContents {
   std::vector<SurfaceRecord> records;  // In file order.
   // Index in `records` of the end of each seal(), so that a copy can be cut into the same blocks.
   std::vector<std::size_t> batch_ends;
+  // All of them along the lookups' curve, layer by layer; empty where the file tells none.
+  std::vector<std::uint32_t> curve_order;
   std::size_t sealed_blocks = 0;
   bool is_complete = false;  // Has a valid footer.
 };
@@ -59,26 +76,29 @@ struct CacheCheck {
 };
 CacheCheck check_cache(const std::filesystem::path& file);
 
-// Writes FILE.part, block by block, then renames it to FILE. A file is a pure function of what is passed
-// in. Throws Error(Resource) naming path and bytes; the part then stays, as a valid prefix, and every later
-// call fails. The process must ignore SIGXFSZ to get that error for a file size limit.
+class CacheJournal;
+
+// Writes FILE.next, then renames it to FILE, so that FILE is what it was or whole. A file is a pure
+// function of what is passed in. Throws Error(Resource) naming path and bytes. The process must
+// ignore SIGXFSZ to get that error for a file size limit.
 class CacheWriter {
  public:
-  // Creates and locks FILE.part, or takes over one whose writer is dead. Throws Error(Stopped) while
-  // another process, or another writer of this one, holds it.
-  CacheWriter(const std::filesystem::path& file, const CacheHeader& header);
-  // Without finish(), leave() or an error the part is removed.
+  // Takes the lock of FILE, which is the one on FILE.part, unless `journal`, that of FILE, holds it
+  // already. Throws Error(Stopped) while another process, or another writer of this one, holds it.
+  CacheWriter(const std::filesystem::path& file, const CacheHeader& header,
+              const CacheJournal* journal = nullptr);
+  // Without finish() nothing is left behind.
   ~CacheWriter();
   CacheWriter(CacheWriter&&) noexcept;
   CacheWriter& operator=(CacheWriter&&) noexcept;
 
-  // Once it returns, the records survive a killed process; `records` in RecordOrder, all of one layer and
-  // wave, none with a record_fault() (else Error(Internal)). Cut into blocks of at most kBlockRecords.
+  // `records` in RecordOrder, all of one layer and wave, none with a record_fault() (else
+  // Error(Internal)). Cut into blocks of at most kBlockRecords.
   void seal(const std::vector<SurfaceRecord>& records);
+  // IrradianceCache::curve_order(), after all records: with it a cache opens faster.
+  void seal_order(int layer, std::span<const std::uint32_t> order);
   // Footer, fsync, rename, fsync of the folder.
   void finish();
-  // Stops here and keeps the part: synced, unlocked, a valid prefix for a later run.
-  void leave();
 
   static constexpr std::size_t kBlockRecords = 8192;
 

@@ -19,10 +19,14 @@ constexpr std::uint32_t kEndianMark = 0x01020304;
 constexpr std::size_t kVersionAt = 8, kEndianAt = 12, kHeaderBytesAt = 16, kBlockRecordsAt = 20,
                       kKindBytesAt = 24, kRequiredAt = 40, kFieldCountAt = 44, kFingerprintAt = 48,
                       kOriginAt = 64, kSettingsBytesAt = 88, kCreatorAt = 96, kSchemaAt = 128,
-                      kSettingsAt = 1024, kSumAt = kHeaderBytes - 8;
+                      kSettingsAt = 1024, kRequestAt = 3560, kShardCountAt = 3568, kShardsAt = 3576,
+                      kSumAt = kHeaderBytes - 8;
 constexpr std::size_t kCreatorBytes = kSchemaAt - kCreatorAt, kFieldBytes = 40,
                       kMaxFields = (kSettingsAt - kSchemaAt) / kFieldBytes;
-static_assert(CacheHeader::kMaxSettingsBytes == kSumAt - kSettingsAt);
+// Until minor version 1 nothing followed the settings.
+constexpr std::size_t kMaxSettingsBytesOfMinor0 = kSumAt - kSettingsAt;
+static_assert(CacheHeader::kMaxSettingsBytes == kRequestAt - kSettingsAt);
+static_assert(ShardSet::kMaxShards == 8 * (kSumAt - kShardsAt));
 static_assert(CacheHeader::kMaxCreatorBytes == kCreatorBytes);
 
 struct Field {
@@ -108,6 +112,8 @@ HeaderBytes encode_header(const CacheHeader& header) {
                                          std::to_string(kCreatorBytes) + " bytes");
   if (!is_finite(header.origin))
     throw Error(ErrorKind::Internal, "cache header: origin is not finite");
+  if (!header.shards.is_valid())
+    throw Error(ErrorKind::Internal, "cache header: shards that are none of theirs");
   HeaderBytes result{};
   unsigned char* bytes = result.data();
   std::copy(std::begin(kMagic), std::end(kMagic), bytes);
@@ -117,6 +123,8 @@ HeaderBytes encode_header(const CacheHeader& header) {
   put(bytes, kHeaderBytesAt, static_cast<std::uint32_t>(kHeaderBytes));
   put(bytes, kBlockRecordsAt, static_cast<std::uint32_t>(CacheWriter::kBlockRecords));
   put(bytes, kKindBytesAt, static_cast<std::uint32_t>(sizeof(SurfaceRecord)));
+  put(bytes, kKindBytesAt + 8,
+      static_cast<std::uint32_t>(kIndicesPerOrder * sizeof(std::uint32_t)));
   put(bytes, kFieldCountAt, static_cast<std::uint32_t>(std::size(kFields)));
   put(bytes, kFingerprintAt, header.fingerprint.words);
   for (std::size_t a = 0; a < 3; ++a)
@@ -125,6 +133,10 @@ HeaderBytes encode_header(const CacheHeader& header) {
   std::copy(header.creator.begin(), header.creator.end(), bytes + kCreatorAt);
   put_schema(bytes + kSchemaAt);
   std::copy(header.settings.begin(), header.settings.end(), bytes + kSettingsAt);
+  put(bytes, kRequestAt, header.shards.request);
+  put(bytes, kShardCountAt, header.shards.count);
+  for (const std::uint32_t i : header.shards.done)
+    bytes[kShardsAt + i / 8] = static_cast<unsigned char>(bytes[kShardsAt + i / 8] | 1u << i % 8);
   put(bytes, kSumAt, hash64(bytes, kSumAt));
   return result;
 }
@@ -243,8 +255,17 @@ HeaderReading decode_header(const std::vector<unsigned char>& file) {
     header.origin[a] = get<double>(bytes, kOriginAt + 8 * static_cast<std::size_t>(a));
   if (!is_finite(header.origin)) return refuse(CacheState::Corrupt, "the origin is not finite");
   const auto settings_bytes = get<std::uint32_t>(bytes, kSettingsBytesAt);
-  if (settings_bytes > CacheHeader::kMaxSettingsBytes)
+  const bool has_shards = header.format_minor > 0;
+  if (settings_bytes > (has_shards ? CacheHeader::kMaxSettingsBytes : kMaxSettingsBytesOfMinor0))
     return refuse(CacheState::Corrupt, "the settings do not fit the header");
+  if (has_shards) {
+    ShardSet& shards = header.shards;
+    shards.request = get<std::uint64_t>(bytes, kRequestAt);
+    shards.count = get<std::uint32_t>(bytes, kShardCountAt);
+    for (std::uint32_t i = 0; i < ShardSet::kMaxShards; ++i)
+      if (bytes[kShardsAt + i / 8] >> i % 8 & 1) shards.done.push_back(i);
+    if (!shards.is_valid()) return refuse(CacheState::Corrupt, "it names shards that cannot be");
+  }
   const auto text = [&](std::size_t at, std::size_t size) {
     return std::string(reinterpret_cast<const char*>(bytes + at), size);
   };

@@ -1,12 +1,16 @@
-// The bytes of a cache file, little-endian, as docs/cache_format.md spells them out. Private to cache/.
+// The bytes of a cache file, little-endian, as docs/cache_format.md spells them out. Private to
+// cache/.
 //
 //   file   = header block* [index footer]
 //   header = 4096 bytes, readable with `head -c 4096`; ends with its own sum
 //   block  = 64-byte block header, payload of `count` records of one kind, layer and wave
 //   index  = 32 bytes for each block;  footer = 128 bytes, only in a complete file
 //
-// A block names the sum of what precedes it (the file header's, then the previous block header's), so
-// every byte up to the end of a valid chain is where and what it was written to be.
+// Records of a complete file are in RecordOrder. What speeds up opening (the order of the records
+// along a curve) comes in blocks of its own kind that a reader may skip.
+//
+// A block names the sum of what precedes it (the file header's, then the previous block header's),
+// so every byte up to the end of a valid chain is where and what it was written to be.
 #pragma once
 
 #include <array>
@@ -24,17 +28,22 @@ static_assert(std::endian::native == std::endian::little, "records are written a
 
 inline constexpr std::size_t kHeaderBytes = 4096, kBlockHeaderBytes = 64, kIndexEntryBytes = 32,
                              kFooterBytes = 128;
-inline constexpr std::uint16_t kMajor = 1, kMinor = 0;
+inline constexpr std::uint16_t kMajor = 1, kMinor = 1;
 // Own offsets are kept in units of 64 bytes in 32 bits.
 inline constexpr std::uint64_t kOffsetUnit = 64, kMaxFileBytes = kOffsetUnit << 32;
 
-// What records a block holds. Volume records come later; their size will stand in the header's table.
-enum class RecordKind : std::uint8_t { Surface = 1 };
+// What a block holds; the size of one stands in the header's table. Kind 2 is left for volume
+// records. Order: sixteen indices of surface records, 4 bytes each, along the curve that lookups
+// sort by.
+enum class RecordKind : std::uint8_t { Surface = 1, Order = 3 };
 inline constexpr std::size_t kKinds = 4;
+inline constexpr std::size_t kIndicesPerOrder = 16;
+inline constexpr std::uint32_t kNoIndex = 0xffffffff;  // Fills the last entry of a layer.
 
 // Block flags. A reader that does not know a block's kind skips it if it is optional, else refuses.
 inline constexpr std::uint8_t kBatchEnds = 1;  // Last block of one seal().
 inline constexpr std::uint8_t kOptional = 2;
+inline constexpr std::uint8_t kAsGathered = 4;  // Not yet clamped by neighbours: only in a part.
 
 struct BlockHeader {
   std::uint8_t kind = 0, layer = 0, wave = 0, flags = 0;

@@ -105,10 +105,14 @@ void collect(const RecordIndex& index, std::span<const SurfaceRecord> records, c
 
 }  // namespace
 
-IrradianceCache::IrradianceCache(std::vector<SurfaceRecord> records, const Vec3d& origin)
+IrradianceCache::IrradianceCache(std::vector<SurfaceRecord> records, const Vec3d& origin,
+                                 std::span<const std::uint32_t> curve_order)
     : records_(std::move(records)), origin_(origin) {
-  if (!std::is_sorted(records_.begin(), records_.end(), RecordOrder{}))
+  if (!std::is_sorted(records_.begin(), records_.end(), RecordOrder{})) {
     std::stable_sort(records_.begin(), records_.end(), RecordOrder{});
+    curve_order = {};
+  }
+  if (curve_order.size() != records_.size()) curve_order = {};
   if (!records_.empty()) layers_.resize(static_cast<std::size_t>(records_.back().layer()) + 1);
   for (std::size_t begin = 0; begin < records_.size();) {
     const int layer = records_[begin].layer();
@@ -116,9 +120,16 @@ IrradianceCache::IrradianceCache(std::vector<SurfaceRecord> records, const Vec3d
         records_.begin() + static_cast<std::ptrdiff_t>(begin), records_.end(),
         [&](const SurfaceRecord& record) { return record.layer() <= layer; });
     const auto stop = static_cast<std::size_t>(end - records_.begin());
-    layers_[static_cast<std::size_t>(layer)] = RecordIndex(records_, begin, stop);
+    layers_[static_cast<std::size_t>(layer)] =
+        curve_order.empty() ? RecordIndex(records_, begin, stop)
+                            : RecordIndex(records_, curve_order.subspan(begin, stop - begin));
     begin = stop;
   }
+}
+
+std::vector<std::uint32_t> IrradianceCache::curve_order(int layer) const {
+  const RecordIndex* index = this->layer(layer);
+  return index ? index->curve_order() : std::vector<std::uint32_t>();
 }
 
 const RecordIndex* IrradianceCache::layer(int layer) const {

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <memory>
 #include <span>
 #include <vector>
@@ -47,10 +48,15 @@ struct IrradianceQuery {
 class IrradianceCache {
  public:
   IrradianceCache() : IrradianceCache({}, Vec3d(0.0)) {}
-  IrradianceCache(std::vector<SurfaceRecord> records, const Vec3d& origin);
+  // `curve_order`: what curve_order() gave for these very records, layer after layer; saves time.
+  IrradianceCache(std::vector<SurfaceRecord> records, const Vec3d& origin,
+                  std::span<const std::uint32_t> curve_order = {});
 
   std::span<const SurfaceRecord> records() const { return records_; }
   const Vec3d& origin() const { return origin_; }
+  int layers() const { return static_cast<int>(layers_.size()); }
+  // The records of a layer that may answer, as lookups sort them.
+  std::vector<std::uint32_t> curve_order(int layer) const;
 
   // Weighted mean over records whose error at the query is below 1:
   //   e = max(sqrt((d.e1/R1)^2 + (d.e2/R2)^2 + (d.n/Rmin)^2), sqrt((1 - n.n') / (1 - cos_max))),
@@ -68,5 +74,12 @@ class IrradianceCache {
   Vec3d origin_;
   std::vector<RecordIndex> layers_;
 };
+
+class CacheJournal;
+struct CacheHeader;
+
+// All of `cache` as FILE. Throws what CacheWriter throws.
+void write_cache(const std::filesystem::path& file, const CacheHeader& header,
+                 const IrradianceCache& cache, const CacheJournal* journal = nullptr);
 
 }  // namespace brume

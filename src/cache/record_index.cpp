@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "cache/hilbert_curve.h"
+#include "cache/large_pages.h"
 #include "core/parallel.h"
 
 namespace brume {
@@ -49,13 +50,16 @@ RecordSite make_site(const SurfaceRecord& record, std::uint32_t index) {
 // The box of the ellipsoid with semi-axes R1 e1, R2 e2, min(R1, R2) n, padded: a query point is rounded
 // to float before it is compared.
 Bounds support_bounds(const RecordSite& site) {
-  const Vec3d n = vector(site.normal), e1 = vector(site.tangent), e2 = n.cross(e1);
   const double r1 = site.radius[0], r2 = site.radius[1], rn = std::min(r1, r2);
+  Vec3d halves(rn);  // Of a sphere.
+  if (r1 != r2) {
+    const Vec3d n = vector(site.normal), e1 = vector(site.tangent), e2 = n.cross(e1);
+    for (int a = 0; a < 3; ++a) halves[a] = Vec3d(r1 * e1[a], r2 * e2[a], rn * n[a]).length();
+  }
   Bounds bounds;
   bounds.least_radius = static_cast<float>(rn);
   for (int a = 0; a < 3; ++a) {
-    const double x = r1 * e1[a], y = r2 * e2[a], z = rn * n[a];
-    const double half = std::sqrt(x * x + y * y + z * z), centre = site.position[a];
+    const double half = halves[a], centre = site.position[a];
     const double pad = (std::abs(centre) + half) * 0x1p-20;
     bounds.min[a] = static_cast<float>(centre - half - pad);
     bounds.max[a] = static_cast<float>(centre + half + pad);
@@ -83,6 +87,23 @@ void radix_sort(std::vector<Placed>& items) {
     for (const Placed& item : items) other[start[item.code >> shift & (kDigits - 1)]++] = item;
     items.swap(other);
   }
+}
+
+// Makes the first `count` of `boxes` the children of `node`; returns what they span.
+template <typename Node>
+Bounds fill(Node& node, const Bounds* boxes, std::size_t count) {
+  constexpr std::size_t kLanes = std::size(Node{}.least_radius);
+  Bounds all = kNothing;
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    const Bounds& box = lane < count ? boxes[lane] : kNothing;
+    for (int a = 0; a < 3; ++a) {
+      node.min[a][lane] = box.min[a];
+      node.max[a][lane] = box.max[a];
+    }
+    node.least_radius[lane] = box.least_radius;
+    extend(all, box);
+  }
+  return all;
 }
 
 }  // namespace
@@ -136,39 +157,58 @@ RecordIndex::RecordIndex(std::span<const SurfaceRecord> records, std::size_t beg
     }
   });
   radix_sort(placed);
+  std::vector<std::uint32_t> order(placed.size());
+  for (std::size_t i = 0; i < placed.size(); ++i) order[i] = placed[i].record;
+  build(records, order);
+}
 
-  sites_.resize(placed.size());
-  std::vector<Bounds> below(placed.size());
-  parallel_for(0, placed.size(), kGrain, [&](std::size_t i) {
-    // The curve's order is not the records': ask for those of a few steps ahead.
-    const std::size_t ahead = std::min(i + 12, placed.size() - 1);
-    const char* next = reinterpret_cast<const char*>(&records[placed[ahead].record]);
-    __builtin_prefetch(next);
-    __builtin_prefetch(next + 64);
-    sites_[i] = make_site(records[placed[i].record], placed[i].record);
-    below[i] = support_bounds(sites_[i]);
+RecordIndex::RecordIndex(std::span<const SurfaceRecord> records,
+                         std::span<const std::uint32_t> curve_order) {
+  if (!curve_order.empty()) build(records, curve_order);
+}
+
+std::vector<std::uint32_t> RecordIndex::curve_order() const {
+  std::vector<std::uint32_t> order(size_);
+  for (std::size_t i = 0; i < size_; ++i) order[i] = sites_[i].record;
+  return order;
+}
+
+void RecordIndex::build(std::span<const SurfaceRecord> records,
+                        std::span<const std::uint32_t> order) {
+  size_ = order.size();
+  sites_ = make_in_large_pages<RecordSite>(size_);
+  std::size_t nodes = 0;
+  for (std::size_t n = size_; n > 1 || nodes == 0; nodes += n) {
+    n = (n + kWidth - 1) / kWidth;
+    levels_.push_back(static_cast<std::uint32_t>(nodes));
+  }
+  nodes_ = make_in_large_pages<Node>(nodes);
+
+  // Sites and the nodes right above them in one go, while both are at hand.
+  std::vector<Bounds> below((size_ + kWidth - 1) / kWidth);
+  parallel_for(0, below.size(), kGrain / kWidth, [&](std::size_t i) {
+    const std::size_t end = std::min(size_, (i + 1) * kWidth);
+    std::array<Bounds, kWidth> boxes;
+    boxes.fill(kNothing);
+    for (std::size_t k = i * kWidth; k < end; ++k) {
+      // The curve's order is not the records': ask for those of a few steps ahead.
+      const char* next =
+          reinterpret_cast<const char*>(&records[order[std::min(k + 12, size_ - 1)]]);
+      __builtin_prefetch(next);
+      __builtin_prefetch(next + 64);
+      sites_[k] = make_site(records[order[k]], order[k]);
+      boxes[k % kWidth] = support_bounds(sites_[k]);
+    }
+    below[i] = fill(nodes_[i], boxes.data(), kWidth);
   });
-
-  do {
-    const std::size_t count = (below.size() + kWidth - 1) / kWidth, first = nodes_.size();
-    levels_.push_back(static_cast<std::uint32_t>(first));
-    nodes_.resize(first + count);
-    std::vector<Bounds> level(count, kNothing);
-    parallel_for(0, count, kGrain / kWidth, [&](std::size_t i) {
-      Node& node = nodes_[first + i];
-      for (std::size_t lane = 0; lane < kWidth; ++lane) {
-        const std::size_t child = i * kWidth + lane;
-        const Bounds& box = child < below.size() ? below[child] : kNothing;
-        for (int a = 0; a < 3; ++a) {
-          node.min[a][lane] = box.min[a];
-          node.max[a][lane] = box.max[a];
-        }
-        node.least_radius[lane] = box.least_radius;
-        extend(level[i], box);
-      }
+  for (std::size_t level = 1; level < levels_.size(); ++level) {
+    std::vector<Bounds> above((below.size() + kWidth - 1) / kWidth);
+    parallel_for(0, above.size(), kGrain / kWidth, [&](std::size_t i) {
+      above[i] = fill(nodes_[levels_[level] + i], &below[i * kWidth],
+                      std::min<std::size_t>(kWidth, below.size() - i * kWidth));
     });
-    below = std::move(level);
-  } while (below.size() > 1);
+    below = std::move(above);
+  }
   least_radius_ = below.front().least_radius;
 }
 

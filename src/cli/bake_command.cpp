@@ -8,6 +8,8 @@
 #include "cli/shared_options.h"
 #include "cli/signals.h"
 #include "cli/stopping.h"
+#include "cli/text_table.h"
+#include "cli/values.h"
 #include "core/error.h"
 
 namespace brume {
@@ -20,6 +22,10 @@ struct BakeOptions {
   CacheOptions cache;
   std::vector<std::string> views;
   bool everywhere = false;
+  std::optional<Shard> shard;
+  std::optional<double> time_limit, seal_interval;
+  std::optional<std::uint64_t> record_limit;
+  std::optional<bool> survives_power_loss;
 };
 
 BakeRequest make_request(const BakeOptions& options, const Scene& scene,
@@ -27,8 +33,9 @@ BakeRequest make_request(const BakeOptions& options, const Scene& scene,
   BakeRequest request;
   request.everywhere = options.everywhere;
   request.threads = context.threads;
+  request.shard = options.shard.value_or(Shard());
+  request.record_limit = options.record_limit.value_or(request.record_limit);
   request.progress = progress.callback();
-  request.stop_requested = SignalWatch::stop_requested;
   if (options.everywhere) return request;
   const Size2 size = options.size.resolved(scene.film);
   const auto& names = options.views;
@@ -65,12 +72,55 @@ void report(const CommandContext& context, const CacheSession& session, Statisti
                  std::to_string(statistics.records) + " records)");
 }
 
+// What makes a bake stop early: a signal, or its time.
+class StopRequest {
+ public:
+  explicit StopRequest(const std::optional<double>& seconds) : seconds_(seconds) {}
+
+  bool operator()() const { return SignalWatch::stop_requested() || is_late(); }
+  bool is_late() const { return seconds_ && seconds_since(begin_) >= *seconds_; }
+
+ private:
+  std::optional<double> seconds_;
+  std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
+};
+
+int end_early(const BakeOptions& options, const CommandContext& context, const BakeResult& baked,
+              const CacheSession& session) {
+  const std::filesystem::path checkpoint = session.checkpoint().value_or("");
+  if (SignalWatch::stop_requested() && !baked.is_at_record_limit)
+    return end_stopped_run(context, SignalWatch::signal(), checkpoint);
+  const std::string limit = baked.is_at_record_limit
+                                ? "the record limit of " + std::to_string(*options.record_limit)
+                                : "the time limit of " + shown_number(*options.time_limit) + " s";
+  if (checkpoint.empty())
+    throw Error(ErrorKind::InvalidInput, printable(session.file().string()) + ": stopped at " +
+                                             limit +
+                                             " before there was a record: use a higher one");
+  end_run_at_limit(limit, checkpoint);
+}
+
+JournalOptions journal_options(const BakeOptions& options, const CommandContext& context) {
+  JournalOptions journal;
+  if (options.seal_interval)
+    journal.seal_interval =
+        std::chrono::milliseconds(static_cast<std::int64_t>(*options.seal_interval * 1000));
+  journal.survives_power_loss = options.survives_power_loss.value_or(false);
+  if (context.verbosity >= 2)
+    journal.on_sealed = [&context](std::size_t records) {
+      context.info("sealed " + std::to_string(records) + " records");
+    };
+  return journal;
+}
+
 int bake_scene(const BakeOptions& options, const CommandContext& context) {
+  const StopRequest stop(options.time_limit);
   if (options.everywhere && !options.views.empty())
     throw Error(ErrorKind::Usage, "--everywhere: needs no views: leave out --views");
   if (!options.cache.file.empty())
     check_writable(with_frame(options.cache.file, options.scene.load.frame));
   if (!context.stats_file.empty()) check_writable(context.stats_file);
+  SignalWatch watch(has_checkpoint(options.cache.resolved({}, options.scene.load.frame)));
   Statistics statistics;
   const Scene scene =
       statistics.timed("load", [&] { return load_scene_verbosely(options.scene, context); });
@@ -79,12 +129,12 @@ int bake_scene(const BakeOptions& options, const CommandContext& context) {
     throw Error(ErrorKind::Usage,
                 printable(options.scene.file.string()) + ": names no cache file: add -o C.irc");
   if (choice.mode != CacheMode::Read) check_writable(choice.file);
+  watch.set_checkpoint(has_checkpoint(choice));
 
   const BakeSettings settings = options.accuracy.bake_settings(scene.render);
   check_cached_transport(settings, printable(options.scene.file.string()));
-  SignalWatch watch;
   Progress progress(context);
-  const BakeRequest request = make_request(options, scene, context, progress);
+  BakeRequest request = make_request(options, scene, context, progress);
   const World world = statistics.timed("world", [&] { return World(scene); });
   CacheSession session(choice, world, settings);
   const bool needs_bake =
@@ -96,9 +146,18 @@ int bake_scene(const BakeOptions& options, const CommandContext& context) {
     report(context, session, statistics, false);
     return 0;
   }
+  session.begin(world, journal_options(options, context), request);
+  request.stop_requested = stop;
+  request.snapshot_requested = SignalWatch::take_hangup;
+  request.snapshot = [&](std::shared_ptr<const IrradianceCache> cache) {
+    session.save_snapshot(*cache);
+    context.note(printable(session.file().string()) + ": " +
+                 std::to_string(cache->records().size()) + " records so far");
+  };
   const Lighting lighting = statistics.timed(
       "lighting", [&] { return Lighting(world, lighting_options(settings, context)); });
   statistics.describe(lighting, plan_effects(world, settings.bounces, settings.volume_bounces));
+  watch.remember();
   const BakeResult baked = statistics.timed(
       "bake", [&] { return bake(lighting, settings, request, session.existing().get()); });
   statistics.add_bake(baked.stats);
@@ -106,10 +165,47 @@ int bake_scene(const BakeOptions& options, const CommandContext& context) {
   statistics.details["layers"] = baked.layers;
   statistics.details["truncation_bound"] = baked.truncation_bound;
   if (!baked.is_stopped) progress.finish();
-  const bool is_saved = statistics.timed(
-      "write", [&] { return session.save(*baked.cache, baked.stats.records_added); });
+  const bool is_saved = statistics.timed("write", [&] { return session.save(baked, request); });
   report(context, session, statistics, is_saved);
-  return baked.is_stopped ? end_stopped_run(context, SignalWatch::signal(), session.file()) : 0;
+  if (baked.is_stopped && choice.mode == CacheMode::New)
+    context.note("to go on from here: --cache-mode missing; new begins again");
+  return baked.is_stopped ? end_early(options, context, baked, session) : 0;
+}
+
+// "i/n", i from 0.
+std::optional<Shard> parse_shard(const std::string& option, const std::string& text) {
+  const std::string expected = "a part of a whole counted from 0, like 0/4 to 3/4";
+  const std::size_t slash = text.find('/');
+  if (slash == std::string::npos) refuse_value(option, text, expected);
+  Shard shard;
+  shard.count = static_cast<std::uint32_t>(
+      parse_integer(option, text.substr(slash + 1), 1, ShardSet::kMaxShards));
+  shard.index = static_cast<std::uint32_t>(
+      parse_integer(option, text.substr(0, slash), 0, ShardSet::kMaxShards));
+  if (shard.index >= shard.count) refuse_value(option, text, expected);
+  return shard;
+}
+
+void add_work_options(CLI::App& verb, CommandContext& context, BakeOptions& options) {
+  const auto group = [](CLI::Option* option) { option->group("Work"); };
+  group(add_parsed(verb, "--shard", "I/N", options.shard, parse_shard,
+                   "Bakes part I, from 0, of N that many machines bake; `brume merge` joins them"));
+  group(with_environment(context, verb,
+                         add_number(verb, "--time-limit", options.time_limit, 0, 1e9,
+                                    "Stops after so many seconds, with what there is then")));
+  group(with_environment(context, verb,
+                         add_parsed(
+                             verb, "--record-limit", "N", options.record_limit,
+                             [](const std::string& option, const std::string& text) {
+                               return std::optional<std::uint64_t>(parse_unsigned(option, text));
+                             },
+                             "Stops before the cache holds more records than this")));
+  group(add_number(verb, "--seal-interval", options.seal_interval, 0, 3600,
+                   "Seconds of work that being killed may cost (default 1)"));
+  group(add_choice<bool>(
+      verb, "--durable", {{"process", false}, {"power", true}}, options.survives_power_loss,
+      "What sealed records survive: the end of the process (default), or a power "
+      "cut too, which costs a disk's sync each time"));
 }
 
 }  // namespace
@@ -130,11 +226,17 @@ void add_bake_command(CLI::App& app, CommandContext& context) {
   verb->add_flag("--everywhere", options->everywhere, "Covers all surfaces, whatever sees them")
       ->group("Frame");
   add_size_options(*verb, context, options->size);
+  add_work_options(*verb, context, *options);
   add_accuracy_options(*verb, context, options->accuracy);
   verb->footer(R"(Examples:
   brume bake shot.json -o shot.irc
   brume bake shot.json -o shot.irc --views left,right --cache-mode append
-  brume bake room.json -o room.irc --everywhere --preset high)");
+  brume bake room.json -o room.irc --everywhere --preset high
+  brume bake shot.json -o shard3.irc --shard 3/16
+
+A bake that is ended, whatever ends it, is gone on with by the same command: what was sealed beside the
+cache, in FILE.part, is not baked again. USR1, TERM and INT write what there is and end it (exit code 75);
+HUP writes what there is, and the bake goes on.)");
   verb->callback([options, &context] {
     context.action = [options, &context] { return bake_scene(*options, context); };
   });

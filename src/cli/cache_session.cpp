@@ -1,7 +1,13 @@
 #include "cli/cache_session.h"
 
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cstring>
 #include <nlohmann/json.hpp>
 
+#include "bake/record_maker.h"
+#include "cache/cache_merge.h"
 #include "cli/version.h"
 #include "core/error.h"
 
@@ -31,28 +37,38 @@ std::string refusal(const fs::path& file, const CacheOpening& opening, const std
          ": " + remedy;
 }
 
-CacheHeader make_header(const Fingerprint& fingerprint, const BakeSettings& settings,
-                        const IrradianceCache& cache) {
-  CacheHeader header;
-  header.fingerprint = fingerprint;
-  header.origin = cache.origin();
-  header.settings = settings.to_json();
-  header.creator = program_version();
-  return header;
+FileIdentity identity_of(const fs::path& file) {
+  struct stat status {};
+  if (::stat(file.c_str(), &status) != 0) return {};
+  return {status.st_dev, status.st_ino, static_cast<std::uint64_t>(status.st_size),
+          status.st_mtim.tv_sec * std::int64_t(1'000'000'000) + status.st_mtim.tv_nsec};
 }
 
-// One seal for each run of one layer and wave; the records are in RecordOrder already.
-void write_cache(const fs::path& file, const CacheHeader& header, const IrradianceCache& cache) {
-  CacheWriter writer(file, header);
-  const auto records = cache.records();
-  for (auto run = records.begin(); run != records.end();) {
-    auto end = run;
-    while (end != records.end() && end->layer() == run->layer() && end->wave() == run->wave())
-      ++end;
-    writer.seal({run, end});
-    run = end;
-  }
-  writer.finish();
+bool has_unfinished(const IrradianceCache& cache) {
+  return std::any_of(cache.records().begin(), cache.records().end(),
+                     [](const SurfaceRecord& r) { return (r.flags & kUnfinishedViewFlag) != 0; });
+}
+
+bool has_same_records(const IrradianceCache& a, const IrradianceCache& b) {
+  return a.records().size() == b.records().size() &&
+         (a.records().empty() ||
+          std::memcmp(a.records().data(), b.records().data(), a.records().size_bytes()) == 0);
+}
+
+bool holds_shard(const ShardSet& shards, const BakeRequest& request) {
+  return shards.count == request.shard.count && shards.request == request_hash(request) &&
+         std::binary_search(shards.done.begin(), shards.done.end(), request.shard.index);
+}
+
+// Those that `request` leaves behind, where `before` were there.
+ShardSet shards_after(const ShardSet& before, const BakeRequest& request, bool is_stopped) {
+  if (request.shard.count == 1) return is_stopped ? before : ShardSet();
+  ShardSet after{request_hash(request), request.shard.count, {}};
+  if (before.count == after.count && before.request == after.request) after.done = before.done;
+  const auto place = std::lower_bound(after.done.begin(), after.done.end(), request.shard.index);
+  if (!is_stopped && (place == after.done.end() || *place != request.shard.index))
+    after.done.insert(place, request.shard.index);
+  return after;
 }
 
 }  // namespace
@@ -118,7 +134,8 @@ OpenedCache open_cache_of_world(const fs::path& file, const World& world) {
         printable(file.string()) +
             ": stale: geometry, materials, lights or media are not those it was baked from: "
             "name its own scene, or bake it again");
-  return {header, settings, IrradianceCache(opening.contents.records, header.origin)};
+  return {header, settings,
+          IrradianceCache(opening.contents.records, header.origin, opening.contents.curve_order)};
 }
 
 CacheSession::CacheSession(const CacheSettings& choice, const World& world,
@@ -127,13 +144,21 @@ CacheSession::CacheSession(const CacheSettings& choice, const World& world,
       mode_(choice.mode),
       settings_(settings),
       fingerprint_(bake_fingerprint(world, settings)) {
-  if (file_.empty() || mode_ == CacheMode::New) return;
-  const CacheOpening opening = open_cache(file_, fingerprint_);
+  if (!file_.empty() && mode_ != CacheMode::New) read();
+}
+
+void CacheSession::read() {
+  identity_ = identity_of(file_);
+  CacheOpening opening = open_cache(file_, fingerprint_);
   switch (opening.state) {
-    case CacheState::Loaded:
-      existing_ = std::make_shared<IrradianceCache>(opening.contents.records,
-                                                    opening.contents.header.origin);
+    case CacheState::Loaded: {
+      CacheContents& contents = opening.contents;
+      existing_ = std::make_shared<IrradianceCache>(std::move(contents.records),
+                                                    contents.header.origin, contents.curve_order);
+      shards_ = contents.header.shards;
+      is_on_disk_ = true;
       return;
+    }
     case CacheState::Missing:
       if (mode_ != CacheMode::Read) return;
       throw Error(ErrorKind::InvalidInput,
@@ -141,7 +166,7 @@ CacheSession::CacheSession(const CacheSettings& choice, const World& world,
     case CacheState::Stale:
       throw Error(ErrorKind::InvalidInput,
                   printable(file_.string()) + ": stale: " + opening.reason +
-                      settings_difference(file_, settings) +
+                      settings_difference(file_, settings_) +
                       ": use the settings and scene it was baked with, or --cache-mode new to "
                       "replace it");
     case CacheState::Corrupt:
@@ -152,16 +177,80 @@ CacheSession::CacheSession(const CacheSettings& choice, const World& world,
   }
 }
 
+CacheHeader CacheSession::header(const Vec3d& origin) const {
+  CacheHeader header;
+  header.fingerprint = fingerprint_;
+  header.origin = origin;
+  header.settings = settings_.to_json();
+  header.creator = program_version();
+  return header;
+}
+
 bool CacheSession::needs_bake(const World& world, const BakeRequest& request) const {
-  if (mode_ != CacheMode::Missing || !existing_) return may_bake();
+  if (mode_ != CacheMode::Missing || !existing_ || has_part(file_)) return may_bake();
+  if (request.shard.count > 1 && shards_.count > 0) return !holds_shard(shards_, request);
+  if (shards_.count > 0 || has_unfinished(*existing_)) return true;
   return measure_coverage(world, settings_, *existing_, request).uncovered > 0;
 }
 
-bool CacheSession::save(const IrradianceCache& cache, std::size_t added) const {
-  if (file_.empty() || !may_bake()) return false;
-  if (existing_ && added == 0) return false;
-  write_cache(file_, make_header(fingerprint_, settings_, cache), cache);
-  return true;
+void CacheSession::begin(const World& world, const JournalOptions& options, BakeRequest& request) {
+  if (file_.empty() || !may_bake()) return;
+  JournalOptions opened = options;
+  opened.starts_anew = mode_ == CacheMode::New;
+  journal_ = std::make_unique<CacheJournal>(
+      file_, header(existing_ ? existing_->origin() : bake_origin(world)), opened);
+  // Another bake may have come to its end since the file was read.
+  if (mode_ != CacheMode::New && identity_of(file_) != identity_) {
+    existing_.reset();
+    read();
+  }
+  request.journal = journal_.get();
+}
+
+bool CacheSession::save(const BakeResult& baked, const BakeRequest& request) {
+  if (!journal_) return false;
+  const ShardSet shards = shards_after(shards_, request, baked.is_stopped);
+  CacheHeader file_header = header(baked.cache->origin());
+  std::shared_ptr<const IrradianceCache> cache = baked.cache;
+  if (shards.missing().empty() && shards.count > 0) {
+    // The last of them: what one process would have made.
+    std::vector<SurfaceRecord> records(cache->records().begin(), cache->records().end());
+    mark_finished(records);
+    cache = std::make_shared<IrradianceCache>(std::move(records), cache->origin());
+  } else {
+    file_header.shards = shards;
+  }
+  const bool is_changed =
+      !existing_ || !has_same_records(*existing_, *cache) || shards_ != file_header.shards;
+  // A stopped bake that has nothing yet makes no cache of that, and replaces none by it.
+  const bool is_written = is_changed && !(baked.is_stopped && cache->records().empty());
+  if (is_written) {
+    write_cache(file_, file_header, *cache, journal_.get());
+    is_on_disk_ = true;
+  }
+  if (baked.is_stopped)
+    journal_->seal();
+  else
+    journal_->remove();
+  return is_written;
+}
+
+void CacheSession::save_snapshot(const IrradianceCache& cache) const {
+  CacheHeader file_header = header(cache.origin());
+  file_header.shards = shards_;
+  write_cache(file_, file_header, cache, journal_.get());
+}
+
+std::optional<fs::path> CacheSession::checkpoint() const {
+  if (is_on_disk_) return file_;
+  if (journal_ && !journal_->is_empty()) return journal_->part();
+  return std::nullopt;
+}
+
+bool has_checkpoint(const CacheSettings& choice) {
+  std::error_code ignored;
+  return !choice.file.empty() && choice.mode != CacheMode::New &&
+         (fs::is_regular_file(choice.file, ignored) || has_part(choice.file));
 }
 
 }  // namespace brume

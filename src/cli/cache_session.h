@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "bake/bake.h"
-#include "cache/cache_file.h"
+#include "cache/cache_journal.h"
 
 namespace brume {
 
@@ -30,6 +30,13 @@ BakeSettings read_bake_settings(const std::string& json, const std::filesystem::
 // Throws Error(InvalidInput) with the reason.
 OpenedCache open_cache_of_world(const std::filesystem::path& file, const World& world);
 
+// Tells whether a file is still the one that was read.
+struct FileIdentity {
+  std::uint64_t device = 0, inode = 0, bytes = 0;
+  std::int64_t modified_ns = 0;
+  friend bool operator==(const FileIdentity&, const FileIdentity&) = default;
+};
+
 class CacheSession {
  public:
   // Without a file the session lives in memory alone. Throws Error(InvalidInput) for a file that is
@@ -40,22 +47,40 @@ class CacheSession {
   const std::filesystem::path& file() const { return file_; }
   Fingerprint fingerprint() const { return fingerprint_; }
   bool may_bake() const { return mode_ != CacheMode::Read; }
-  // Mode Missing fills gaps: with every place of `request` covered there is nothing to bake.
+  // Mode Missing fills gaps: with every place of `request` covered, or its shard done, and nothing
+  // unfinished there is nothing to bake.
   bool needs_bake(const World& world, const BakeRequest& request) const;
   // What the file held and the mode keeps; null for nothing.
   std::shared_ptr<const IrradianceCache> existing() const { return existing_; }
 
-  // Writes `cache` if a file was named and `added` records came new, or the file is to be replaced.
-  // Returns whether it did; otherwise the file is untouched.
-  bool save(const IrradianceCache& cache, std::size_t added) const;
+  // From here to save() nobody else writes the file, and `request` notes its gathers beside it.
+  // Throws Error(Stopped) while somebody else does.
+  void begin(const World& world, const JournalOptions& options, BakeRequest& request);
+  // Writes what was baked, if a file was named and anything in it changes. Returns whether it did;
+  // otherwise the file is untouched. A stopped bake also keeps its journal.
+  bool save(const BakeResult& baked, const BakeRequest& request);
+  // What a bake has so far, while it goes on.
+  void save_snapshot(const IrradianceCache& cache) const;
+  // A file of this session, if not its cache then its journal, that the same command goes on from.
+  std::optional<std::filesystem::path> checkpoint() const;
 
  private:
+  void read();
+  CacheHeader header(const Vec3d& origin) const;
+
   std::filesystem::path file_;
   CacheMode mode_;
   BakeSettings settings_;
   Fingerprint fingerprint_;
   std::shared_ptr<const IrradianceCache> existing_;
+  ShardSet shards_;  // Of the existing cache.
+  FileIdentity identity_;
+  std::unique_ptr<CacheJournal> journal_;
+  bool is_on_disk_ = false;  // A cache of ours is there under the name.
 };
+
+// Whether a cache, or the journal of one, lies there already: what a signal before any bake leaves.
+bool has_checkpoint(const CacheSettings& choice);
 
 // How many places find no record: pixel centres of the views, or points spread over all surfaces.
 struct Coverage {

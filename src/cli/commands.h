@@ -10,6 +10,7 @@ namespace brume {
 
 void add_render_command(CLI::App& app, CommandContext& context);
 void add_bake_command(CLI::App& app, CommandContext& context);
+void add_merge_command(CLI::App& app, CommandContext& context);
 void add_inspect_command(CLI::App& app, CommandContext& context);
 void add_probe_command(CLI::App& app, CommandContext& context);
 void add_figures_command(CLI::App& app, CommandContext& context);

@@ -69,8 +69,8 @@ struct Histogram {
 
 struct Summary {
   std::map<int, std::map<int, std::size_t>> counts;  // By layer, by wave.
+  std::size_t unfinished = 0;                        // Of a stopped bake, of shards, or what a filter left.
   std::optional<Box3d> bounds;                       // World space.
-  bool is_partial = false;  // Of an unfinished view, or what a filter left.
   std::vector<double> radii, relative_errors, gradients;
 };
 
@@ -78,7 +78,7 @@ Summary summarise(const CacheContents& contents) {
   Summary summary;
   for (const SurfaceRecord& record : contents.records) {
     ++summary.counts[record.layer()][record.wave()];
-    summary.is_partial |= (record.flags & kUnfinishedViewFlag) != 0;
+    summary.unfinished += (record.flags & kUnfinishedViewFlag) != 0;
     const Vec3d p = contents.header.origin + vector(record.position);
     if (is_finite(p)) {
       if (!summary.bounds) summary.bounds.emplace();
@@ -259,12 +259,19 @@ void print_summary(std::ostream& out, const std::filesystem::path& file, const C
   print_row(out, "records",
             std::to_string(contents.records.size()) + " on surfaces, 0 in volumes, in " +
                 std::to_string(contents.sealed_blocks) + " blocks");
+  if (summary.unfinished > 0)
+    print_row(out, "part",
+              std::to_string(summary.unfinished) +
+                  " records of a stopped bake, of shards or of another cache's part: `bake "
+                  "--cache-mode missing` goes on");
+  const ShardSet& shards = contents.header.shards;
+  if (shards.count > 0)
+    print_row(out, "shards",
+              std::to_string(shards.done.size()) + " of " + std::to_string(shards.count));
   print_row(out, "bad records", std::to_string(check.bad_records));
   print_row(out, "valid bytes",
             std::to_string(check.valid_bytes) + " of " + std::to_string(check.file_bytes) +
                 (contents.is_complete ? ", complete" : ""));
-  if (summary.is_partial)
-    print_row(out, "part", "of a view or of another cache: `bake --cache-mode missing` goes on");
   for (const auto& [layer, waves] : summary.counts) {
     std::size_t total = 0;
     std::string by_wave;
@@ -294,8 +301,11 @@ Json summary_json(const CacheCheck& check, const Summary& summary) {
     object["bounds"] = Json::array({json_of(summary.bounds->min), json_of(summary.bounds->max)});
   object["sealed_blocks"] = contents.sealed_blocks;
   object["bad_records"] = check.bad_records;
+  object["unfinished_records"] = summary.unfinished;
+  object["shards"] = {{"count", contents.header.shards.count},
+                      {"done", contents.header.shards.done}};
   object["complete"] = contents.is_complete;
-  object["partial"] = summary.is_partial;
+  object["partial"] = summary.unfinished > 0;
   object["valid_bytes"] = check.valid_bytes;
   object["file_bytes"] = check.file_bytes;
   if (check.opening.state != CacheState::Loaded) object["fault"] = check.opening.reason;
@@ -377,7 +387,7 @@ int inspect_cache(const std::filesystem::path& file, const InspectCacheOptions& 
   std::optional<IrradianceCache> cache;
   std::optional<Answers> answers;
   if (options.at) {
-    cache.emplace(contents.records, contents.header.origin);
+    cache.emplace(contents.records, contents.header.origin, contents.curve_order);
     answers = ask(*cache, options);
   }
   const Summary summary = summarise(contents);

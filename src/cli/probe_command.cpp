@@ -291,6 +291,7 @@ int probe(const ProbeOptions& options, const CommandContext& context) {
     throw Error(ErrorKind::Usage, "--normal: has no direction: give one, like 0,1,0");
   if (!context.stats_file.empty()) check_writable(context.stats_file);
   SignalWatch watch;
+  watch.remember();
   Statistics statistics;
   const Scene scene =
       statistics.timed("load", [&] { return load_scene_verbosely(options.scene, context); });

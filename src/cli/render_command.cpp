@@ -137,6 +137,14 @@ int RenderRun::bake_view(const Lighting& lighting, const BakeSettings& settings,
   request.stop_requested = SignalWatch::stop_requested;
   const World& world = lighting.world();
   if (!statistics_.timed("coverage", [&] { return session.needs_bake(world, request); })) return 0;
+  session.begin(world, {}, request);
+  if (session.has_file()) {
+    request.snapshot_requested = SignalWatch::take_hangup;
+    request.snapshot = [&](std::shared_ptr<const IrradianceCache> cache) {
+      session.save_snapshot(*cache);
+    };
+  }
+  cache_ = session.existing();
   const BakeResult baked = statistics_.timed("bake", [&] {
     return options_.gather_everywhere
                ? bake_deeper_layers(lighting, settings, request, cache_.get())
@@ -146,23 +154,24 @@ int RenderRun::bake_view(const Lighting& lighting, const BakeSettings& settings,
   statistics_.details["truncation_bound"] = baked.truncation_bound;
   cache_ = baked.cache;
   if (!baked.is_stopped) progress_.finish();
-  const bool is_saved =
-      statistics_.timed("write", [&] { return session.save(*cache_, baked.stats.records_added); });
+  const bool is_saved = statistics_.timed("write", [&] { return session.save(baked, request); });
   if (is_saved)
     context_.note(printable(session.file().string()) + ": " +
                   std::to_string(baked.stats.records_added) + " records added, " +
                   std::to_string(cache_->records().size()) + " in all");
   if (!baked.is_stopped) return 0;
-  return end_stopped_run(context_, SignalWatch::signal(), session.file());
+  return end_stopped_run(context_, SignalWatch::signal(), session.checkpoint().value_or(""));
 }
 
 int RenderRun::render_with_records(const World& world, const CameraRays& rays) {
   const BakeSettings settings = options_.accuracy.bake_settings(scene_.render);
   check_cached_transport(settings, printable(options_.scene.file.string()));
+  watch_.set_checkpoint(has_checkpoint(plan_.cache));
   CacheSession session(plan_.cache, world, settings);
   const Lighting lighting = statistics_.timed(
       "lighting", [&] { return Lighting(world, lighting_options(settings, context_)); });
   statistics_.describe(lighting, plan_effects(world, settings.bounces, settings.volume_bounces));
+  watch_.remember();
   if (const int stopped = bake_view(lighting, settings, session)) return stopped;
   cache_fingerprint_ = session.fingerprint();
   statistics_.records = cache_->records().size();
@@ -180,7 +189,8 @@ int RenderRun::render_with_records(const World& world, const CameraRays& rays) {
   const CachedRenderResult result = statistics_.timed(
       "render", [&] { return render_cached(lighting, settings, *cache_, rays, render, *film_); });
   statistics_.counters += result.counters;
-  if (result.is_stopped) return end_stopped_run(context_, SignalWatch::signal(), session.file());
+  if (result.is_stopped)
+    return end_stopped_run(context_, SignalWatch::signal(), session.checkpoint().value_or(""));
   if (options_.pixel)
     explain_pixel(context_, {*options_.pixel, size_, samples_,
                              film_->at(options_.pixel->x, options_.pixel->y), world, rays,
@@ -204,6 +214,7 @@ int RenderRun::render_with_paths(const World& world, const CameraRays& rays) {
   path.crop_y = crop_.y;
   path.progress = progress_.callback("render");
   path.stop_requested = SignalWatch::stop_requested;
+  watch_.remember();
   statistics_.effects = plan_effects(world, settings.bounces, settings.volume_bounces).names();
   const PathTracerResult result =
       statistics_.timed("render", [&] { return trace_paths(world, rays, path, *film_); });

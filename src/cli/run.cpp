@@ -155,6 +155,7 @@ void build(CLI::App& app, CommandContext& context) {
   add_bake_command(app, context);
   add_inspect_command(app, context);
   add_verify_command(app, context);
+  add_merge_command(app, context);
   add_figures_command(app, context);
   add_probe_command(app, context);
   add_diff_command(app, context);

@@ -14,4 +14,9 @@ int end_stopped_run(const CommandContext& context, int signal,
   return 128 + signal;
 }
 
+void end_run_at_limit(const std::string& reason, const std::filesystem::path& checkpoint) {
+  throw Error(ErrorKind::Stopped, printable(checkpoint.string()) + ": stopped at " + reason +
+                                      ": the same command with a higher one goes on from here");
+}
+
 }  // namespace brume

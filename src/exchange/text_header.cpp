@@ -33,6 +33,11 @@ std::string text_header_line(const CacheContents& contents) {
   object["settings"] = header.settings;
   object["creator"] = header.creator;
   object["records"] = contents.records.size();
+  if (header.shards.count > 0)
+    object["shards"] = {{"request", header.shards.request},
+                        {"count", header.shards.count},
+                        {"done", header.shards.done}};
+  object["lookup_order"] = !contents.curve_order.empty();
   if (contents.batch_ends != standard_batch_ends(contents.records)) {
     object["batches"] = Json::array();
     std::size_t begin = 0;
@@ -82,6 +87,24 @@ TextHeader parse_text_header(const std::string& line, const std::string& place) 
       refuse("origin is not three numbers");
     header.origin[a] = number.get<double>();
   }
+  if (object.contains("shards")) {
+    const Json& shards = object["shards"];
+    const auto count = [&](const char* key) -> std::uint64_t {
+      if (!shards.is_object() || !shards.contains(key) || !shards[key].is_number_unsigned())
+        refuse(std::string("shards: ") + key + " is no count");
+      return shards[key].get<std::uint64_t>();
+    };
+    header.shards.request = count("request");
+    header.shards.count = static_cast<std::uint32_t>(
+        std::min<std::uint64_t>(count("count"), ShardSet::kMaxShards + 1));
+    for (const Json& number : shards.value("done", Json::array())) {
+      if (!number.is_number_unsigned()) refuse("shards: done holds no counts");
+      header.shards.done.push_back(static_cast<std::uint32_t>(
+          std::min<std::uint64_t>(number.get<std::uint64_t>(), ShardSet::kMaxShards)));
+    }
+    if (!header.shards.is_valid()) refuse("shards are not parts of one bake");
+  }
+  result.has_lookup_order = object.value("lookup_order", Json(false)) == Json(true);
   if (object.contains("records")) {
     if (!object["records"].is_number_unsigned()) refuse("records is no count");
     result.records = object["records"].get<std::size_t>();

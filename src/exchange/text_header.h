@@ -14,6 +14,7 @@ struct TextHeader {
   CacheHeader header;
   std::optional<std::size_t> records;
   std::vector<std::size_t> batch_ends;  // Empty: one batch for each layer and wave.
+  bool has_lookup_order = false;
 };
 
 inline constexpr int kTextVersion = 1;

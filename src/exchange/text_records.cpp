@@ -300,6 +300,8 @@ CacheContents read_text_records(const std::filesystem::path& file) {
   contents.header = std::move(header.header);
   contents.batch_ends = header.batch_ends.empty() ? standard_batch_ends(contents.records)
                                                   : std::move(header.batch_ends);
+  if (header.has_lookup_order)
+    contents.curve_order = lookup_order(contents.records, contents.header.origin);
   return contents;
 }
 

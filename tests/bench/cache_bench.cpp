@@ -4,6 +4,11 @@
 // towards one corner, so that a point meets about seven of them. Clamping against neighbours keeps radii
 // of one place alike; `query/mixed` asks what it costs where one in 64 is six times as large.
 #include <benchmark/benchmark.h>
+#if __has_include(<embree4/rtcore.h>)
+#include <embree4/rtcore.h>
+#else
+#include <embree3/rtcore.h>
+#endif
 
 #include <filesystem>
 
@@ -79,9 +84,24 @@ const std::vector<SurfaceRecord>& million() {
   static const std::vector<SurfaceRecord> records = make_records(kRecords, false);
   return records;
 }
+
+std::filesystem::path scratch_file(bool mixed) {
+  return std::filesystem::temp_directory_path() /
+         (mixed ? "brume_bench_mixed.irc" : "brume_bench.irc");
+}
+IrradianceCache open_scratch(bool mixed, bool uses_order) {
+  CacheOpening opening = open_cache(scratch_file(mixed), {});
+  return {std::move(opening.contents.records), opening.contents.header.origin,
+          uses_order ? opening.contents.curve_order : std::vector<std::uint32_t>()};
+}
+// As a renderer has it: read from its file.
 const IrradianceCache& cache_of_a_million(bool mixed) {
-  static const IrradianceCache even(million(), Vec3d(0.0));
-  static const IrradianceCache with_large(make_records(kRecords, true), Vec3d(0.0));
+  const auto make = [](bool is_mixed) {
+    const auto& records = is_mixed ? make_records(kRecords, true) : million();
+    write_cache(scratch_file(is_mixed), {}, IrradianceCache(records, Vec3d(0.0)));
+    return open_scratch(is_mixed, true);
+  };
+  static const IrradianceCache even = make(false), with_large = make(true);
   return mixed ? with_large : even;
 }
 
@@ -145,24 +165,121 @@ void covers(benchmark::State& state) {
 }
 BENCHMARK(covers)->Unit(benchmark::kMillisecond);
 
-std::filesystem::path scratch_file() {
-  return std::filesystem::temp_directory_path() / "brume_cache_bench.irc";
+// The test that both trees are asked for: less work than an answer, which adds records up. A site
+// or a record.
+template <typename Record>
+bool reaches(const Record& r, const IrradianceQuery& query) {
+  const Vec3d n(r.normal[0], r.normal[1], r.normal[2]);
+  if (n.dot(query.normal) < kMaxNormalCosine) return false;
+  const Vec3d d = query.position - Vec3d(r.position[0], r.position[1], r.position[2]);
+  const double reach = std::max(r.radius[0], r.radius[1]);
+  return d.length2() < reach * reach;
 }
 
-void write_file(benchmark::State& state) {
-  const std::vector<SurfaceRecord>& records = million();
-  for (auto _ : state) {
-    CacheWriter writer(scratch_file(), {});
-    writer.seal(records);
-    writer.finish();
+void index_count(benchmark::State& state) {
+  static const RecordIndex index(million(), 0, million().size());
+  ask_in_image_order(state, false, 0, [](const IrradianceCache&, const IrradianceQuery& q) {
+    int count = 0;
+    index.visit(q.position, 0, [&](const RecordSite& site) {
+      count += reaches(site, q);
+      return true;
+    });
+    return count;
+  });
+}
+BENCHMARK(index_count)->Unit(benchmark::kMillisecond);
+
+// DESIGN 4.8: the same queries put to Embree, whose tree over the bounds of the supports calls back
+// for each record whose bounds hold the point.
+class EmbreeLookup {
+ public:
+  explicit EmbreeLookup(std::span<const SurfaceRecord> records) : records_(records) {
+    device_ = rtcNewDevice(nullptr);
+    scene_ = rtcNewScene(device_);
+    rtcSetSceneBuildQuality(scene_, RTC_BUILD_QUALITY_HIGH);
+    const RTCGeometry geometry = rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_USER);
+    rtcSetGeometryUserPrimitiveCount(geometry, static_cast<unsigned>(records.size()));
+    rtcSetGeometryUserData(geometry, this);
+    rtcSetGeometryBoundsFunction(geometry, bounds, nullptr);
+    rtcSetGeometryPointQueryFunction(geometry, answer);
+    rtcCommitGeometry(geometry);
+    rtcAttachGeometry(scene_, geometry);
+    rtcReleaseGeometry(geometry);
+    rtcCommitScene(scene_);
   }
+  ~EmbreeLookup() {
+    rtcReleaseScene(scene_);
+    rtcReleaseDevice(device_);
+  }
+  EmbreeLookup(const EmbreeLookup&) = delete;
+  EmbreeLookup& operator=(const EmbreeLookup&) = delete;
+
+  int count(const IrradianceQuery& query) const {
+    RTCPointQuery point{};
+    point.x = static_cast<float>(query.position.x);
+    point.y = static_cast<float>(query.position.y);
+    point.z = static_cast<float>(query.position.z);
+    RTCPointQueryContext context;
+    rtcInitPointQueryContext(&context);
+    State state{this, &query, 0};
+    rtcPointQuery(scene_, &point, &context, nullptr, &state);
+    return state.count;
+  }
+
+ private:
+  struct State {
+    const EmbreeLookup* lookup;
+    const IrradianceQuery* query;
+    int count;
+  };
+  static void bounds(const RTCBoundsFunctionArguments* arguments) {
+    const auto* lookup = static_cast<const EmbreeLookup*>(arguments->geometryUserPtr);
+    const SurfaceRecord& r = lookup->records_[arguments->primID];
+    const float wide = std::max(r.radius[0], r.radius[1]),
+                narrow = std::min(r.radius[0], r.radius[1]);
+    float half[3];
+    for (int a = 0; a < 3; ++a)
+      half[a] = std::sqrt(wide * wide * (1 - r.normal[a] * r.normal[a]) +
+                          narrow * narrow * r.normal[a] * r.normal[a]);
+    RTCBounds& box = *arguments->bounds_o;
+    box.lower_x = r.position[0] - half[0], box.upper_x = r.position[0] + half[0];
+    box.lower_y = r.position[1] - half[1], box.upper_y = r.position[1] + half[1];
+    box.lower_z = r.position[2] - half[2], box.upper_z = r.position[2] + half[2];
+  }
+  static bool answer(RTCPointQueryFunctionArguments* arguments) {
+    State& state = *static_cast<State*>(arguments->userPtr);
+    state.count += reaches(state.lookup->records_[arguments->primID], *state.query);
+    return false;
+  }
+
+  std::span<const SurfaceRecord> records_;
+  RTCDevice device_ = nullptr;
+  RTCScene scene_ = nullptr;
+};
+
+void embree_build(benchmark::State& state) {
+  for (auto _ : state) benchmark::DoNotOptimize(EmbreeLookup(million()));
+}
+BENCHMARK(embree_build)->Unit(benchmark::kMillisecond)->UseRealTime();
+
+void embree_count(benchmark::State& state) {
+  static const EmbreeLookup lookup(million());
+  ask_in_image_order(state, false, 0, [](const IrradianceCache&, const IrradianceQuery& q) {
+    return lookup.count(q);
+  });
+}
+BENCHMARK(embree_count)->Unit(benchmark::kMillisecond);
+
+void write_file(benchmark::State& state) {
+  for (auto _ : state) write_cache(scratch_file(false), {}, cache_of_a_million(false));
   state.SetBytesProcessed(state.iterations() * static_cast<std::int64_t>(kRecords * sizeof(SurfaceRecord)));
 }
 BENCHMARK(write_file)->Unit(benchmark::kMillisecond)->UseRealTime();
 
 void read_file(benchmark::State& state) {
+  (void)cache_of_a_million(false);  // Writes the file.
   for (auto _ : state) {
-    const CacheOpening opening = open_cache(scratch_file(), {});
+    const CacheOpening opening = open_cache(scratch_file(false), {});
     if (opening.state != CacheState::Loaded) state.SkipWithError(opening.reason.c_str());
   }
   state.SetBytesProcessed(state.iterations() * static_cast<std::int64_t>(kRecords * sizeof(SurfaceRecord)));
@@ -170,13 +287,18 @@ void read_file(benchmark::State& state) {
 BENCHMARK(read_file)->Unit(benchmark::kMillisecond)->UseRealTime();
 
 void ready_for_first_query(benchmark::State& state) {
+  (void)cache_of_a_million(false);  // Writes the file.
   for (auto _ : state) {
-    CacheOpening opening = open_cache(scratch_file(), {});
-    const IrradianceCache cache(std::move(opening.contents.records), opening.contents.header.origin);
+    const IrradianceCache cache = open_scratch(false, state.range(0) != 0);
     benchmark::DoNotOptimize(cache.irradiance({1, {1, 1, 0}, {0, 0, 1}}).records);
   }
 }
-BENCHMARK(ready_for_first_query)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(ready_for_first_query)
+    ->ArgName("stored_order")
+    ->Arg(0)
+    ->Arg(1)
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
 
 }  // namespace
 }  // namespace brume
@@ -185,5 +307,5 @@ int main(int argc, char** argv) {
   brume::flush_denormals();
   benchmark::Initialize(&argc, argv);
   benchmark::RunSpecifiedBenchmarks();
-  std::filesystem::remove(brume::scratch_file());
+  for (const bool mixed : {false, true}) std::filesystem::remove(brume::scratch_file(mixed));
 }

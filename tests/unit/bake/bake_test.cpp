@@ -7,6 +7,7 @@
 #include <cstring>
 #include <map>
 
+#include "cache/cache_merge.h"
 #include "core/error.h"
 #include "support/smoky_rooms.h"
 
@@ -43,7 +44,7 @@ const Stage& smoky() {
   return stage;
 }
 
-// Six tiles.
+// Several cells wide.
 BakeView wide_view() { return test::room_view(140, 80); }
 
 BakeView other_view() {
@@ -151,21 +152,19 @@ TEST(Bake, StoppedAndResumedGivesTheBytesOfAnUnbrokenBake) {
        {std::vector<BakeView>{wide_view(), other_view()}, std::vector<BakeView>{}}) {
     const BakeRequest request = request_of(views, 2);
     const BakeResult whole = smoky().bake(request);
-    std::size_t last = 0;
-    bool was_stopped_in_tiles = views.empty();
-    for (int n = 0;; n += 7) {
+    bool was_stopped_in_cells = false;
+    // It is asked before each gather, some thousand times.
+    for (int n = 1;; n += 1 + n) {
       const BakeResult part = stopped_bake(request, n);
-      EXPECT_GE(part.cache->records().size(), last) << "stopped later, and has less";
-      last = part.cache->records().size();
       if (!part.is_stopped) {
         EXPECT_GT(n, 7);
         EXPECT_TRUE(same_bytes(*whole.cache, *part.cache));
         break;
       }
       for (const SurfaceRecord& r : part.cache->records())
-        was_stopped_in_tiles |= (r.flags & kUnfinishedViewFlag) != 0;
+        was_stopped_in_cells |= (r.flags & kUnfinishedViewFlag) != 0;
       // Broken off a second time on the way.
-      const BakeResult more = stopped_bake(request, 4, part.cache.get());
+      const BakeResult more = stopped_bake(request, 200, part.cache.get());
       const BakeResult rest = smoky().bake(request, more.cache.get());
       EXPECT_FALSE(rest.is_stopped);
       EXPECT_TRUE(same_bytes(*whole.cache, *rest.cache)) << views.size() << " views, n " << n;
@@ -173,14 +172,51 @@ TEST(Bake, StoppedAndResumedGivesTheBytesOfAnUnbrokenBake) {
       EXPECT_EQ(rest.stats.records_added + more.cache->records().size(),
                 whole.cache->records().size());
     }
-    EXPECT_TRUE(was_stopped_in_tiles);
+    EXPECT_TRUE(was_stopped_in_cells);
   }
+}
+
+TEST(Bake, ShardsTogetherAreTheBytesOfOneProcess) {
+  for (const std::vector<BakeView>& views :
+       {std::vector<BakeView>{wide_view(), other_view()}, std::vector<BakeView>{}}) {
+    BakeRequest request = request_of(views, 2);
+    const BakeResult whole = smoky().bake(request);
+    for (const std::uint32_t n : {2u, 5u}) {
+      std::vector<MergeInput> inputs;
+      std::size_t unfinished = 0;
+      for (std::uint32_t i = 0; i < n; ++i) {
+        request.shard = {i, n};
+        const BakeResult part = smoky().bake(request);
+        MergeInput& input = inputs.emplace_back();
+        input.file = std::to_string(i);
+        input.contents.header.shards = {request_hash(request), n, {i}};
+        input.contents.records.assign(part.cache->records().begin(), part.cache->records().end());
+        std::size_t own = 0;
+        for (const SurfaceRecord& r : input.contents.records)
+          own += (r.flags & kUnfinishedViewFlag) != 0;
+        EXPECT_GT(own, 0u) << "shard " << i << " of " << n << " has nothing to do";
+        unfinished += own;
+      }
+      const MergedCache merged = merge_caches(inputs);
+      EXPECT_TRUE(same_bytes(*whole.cache, IrradianceCache(merged.records, whole.cache->origin())));
+      EXPECT_GT(unfinished, whole.cache->records().size() / 10) << "little was shared out";
+    }
+  }
+}
+
+TEST(Bake, ViewsOfOnePlaceShareItsCells) {
+  const std::size_t one = smoky().bake(request_of({wide_view()}, 2)).cache->records().size();
+  BakeView again = wide_view();
+  again.camera.position += Vec3d(1e-3, 0, 0);
+  const std::size_t both =
+      smoky().bake(request_of({wide_view(), again}, 2)).cache->records().size();
+  EXPECT_LT(both, one + one / 10);
 }
 
 TEST(Bake, AnUnfinishedViewIsKeptWhenAnotherIsBaked) {
   const BakeRequest request = request_of({wide_view()}, 1);
   BakeResult part;
-  for (int n = 0; n < 100; ++n) {
+  for (int n = 100;; n += 200) {
     part = stopped_bake(request, n);
     ASSERT_TRUE(part.is_stopped);
     const SurfaceRecord& last =
@@ -192,6 +228,19 @@ TEST(Bake, AnUnfinishedViewIsKeptWhenAnotherIsBaked) {
             part.cache->records().size() + other.stats.records_added);
   for (const SurfaceRecord& r : other.cache->records())
     EXPECT_EQ(r.flags & kUnfinishedViewFlag, 0u);
+}
+
+// HARD_CASES T12.
+TEST(Bake, OneVoxelMakesAnotherFingerprint) {
+  const Box3d box(Vec3d(0.25, 0.25, 0.25), Vec3d(0.75, 0.75, 0.75));
+  const auto fingerprint = [&](double middle) {
+    Scene scene = test::smoky_room();
+    scene.volumes[0].density = test::dense_grid(
+        box, 17, [&](const Vec3d& p) { return (p - Vec3d(0.5)).length() < 1e-6 ? middle : 1.0; });
+    return bake_fingerprint(World(scene), quick_settings());
+  };
+  EXPECT_EQ(fingerprint(1), fingerprint(1));
+  EXPECT_NE(fingerprint(1), fingerprint(1 + 1e-6));
 }
 
 TEST(Bake, NothingToHoldMeansNoRecords) {

@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "cache/cache_file.h"
+#include "cache/irradiance_cache.h"
 #include "core/hash.h"
 #include "sample_records.h"
 
@@ -102,6 +103,39 @@ TEST_F(CacheDamage, EveryFlippedBitIsFound) {
     ASSERT_FALSE(opening.reason.empty());
   }
   EXPECT_EQ(open_cache(file_, std::nullopt).state, CacheState::Loaded);
+}
+
+// T08 and T09 on a file as bakes write them, of two blocks and the lookup order.
+TEST_F(CacheDamage, ACacheWithItsLookupOrderIsNoLessSafe) {
+  const IrradianceCache cache(sample_records(9000), sample_header().origin);
+  write_cache(file_, sample_header(), cache);
+  const std::string good = read_bytes(file_);
+  RandomStream random(22);
+  std::fstream file(file_, std::ios::binary | std::ios::in | std::ios::out);
+  // Every bit of the last 40,000 bytes would take minutes: the order, index and footer lie there.
+  for (int i = 0; i < 10000; ++i) {
+    const std::uint64_t range = i % 2 ? good.size() : 40'000;
+    const std::uint64_t bit = good.size() * 8 - 1 - random.bits() % (range * 8);
+    const auto at = static_cast<std::ptrdiff_t>(bit / 8);
+    file.seekp(at).put(static_cast<char>(good[bit / 8] ^ (1 << bit % 8))).flush();
+    const CacheState state = open_cache(file_, std::nullopt).state;
+    file.seekp(at).put(good[bit / 8]).flush();
+    ASSERT_NE(state, CacheState::Loaded) << "bit " << bit;
+  }
+  ASSERT_EQ(open_cache(file_, std::nullopt).state, CacheState::Loaded);
+  const std::size_t ends[] = {kHeader, kHeader + kBlockHeader + 8192 * kRecord,
+                              kHeader + 2 * kBlockHeader + 9000 * kRecord};
+  for (int i = 3000; i-- > 0;) {
+    const std::size_t size =
+        i < 9 ? ends[i / 3] + static_cast<std::size_t>(i % 3) - 1 : random.bits() % good.size();
+    write_bytes(file_, good.substr(0, size));
+    const CacheCheck check = check_cache(file_);
+    ASSERT_EQ(check.opening.state, CacheState::Corrupt);
+    ASSERT_EQ(check.opening.contents.records.size(), size < ends[1]   ? 0u
+                                                     : size < ends[2] ? 8192u
+                                                                      : 9000u)
+        << size;
+  }
 }
 
 TEST_F(CacheDamage, MovedBlocksAreFound) {
@@ -230,9 +264,15 @@ TEST_F(CacheDamage, CraftedHeadersAreRefusedInLittleMemory) {
     header("fields", Foreign, [fields](auto& b) { put(b, 44, fields); });
   header("other field", Foreign, [](auto& b) { b[128] = 'q'; });
   header("origin", Corrupt, [](auto& b) { put(b, 64, std::nan("")); });
-  for (std::uint32_t size : {3065u, 0x7fffffffu, 0xffffffffu})
+  for (std::uint32_t size : {2537u, 3064u, 0x7fffffffu, 0xffffffffu})
     header("settings", Corrupt, [size](auto& b) { put(b, 88, size); });
   header("settings with line ends", Corrupt, [](auto& b) { b[1030] = '\n'; });
+  header("more shards than there may be", Corrupt, [](auto& b) { put(b, 3568, 4097u); });
+  header("a shard that is none of them", Corrupt, [](auto& b) {
+    put(b, 3568, 3u);
+    b[3576] = 8;
+  });
+  header("shards of nothing", Corrupt, [](auto& b) { b[3576] = 1; });
   header("creator", Corrupt, [](auto& b) { b[100] = '\x1b'; });
 
   const auto first_block = [&](const char* name, auto&& change) {

@@ -2,8 +2,6 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/file.h>
-#include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -11,6 +9,7 @@
 #include <csignal>
 #include <cstring>
 
+#include "cache/irradiance_cache.h"
 #include "core/error.h"
 #include "sample_records.h"
 
@@ -19,36 +18,11 @@ namespace {
 
 using testing::HasSubstr;
 
-bool same_bits(const std::vector<SurfaceRecord>& a, const std::vector<SurfaceRecord>& b) {
-  return a.size() == b.size() &&
-         (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof a[0]) == 0);
-}
-
-void write_cache(const std::filesystem::path& file,
-                 const std::vector<std::vector<SurfaceRecord>>& batches,
-                 const CacheHeader& header = sample_header()) {
-  CacheWriter writer(file, header);
-  for (const auto& batch : batches) writer.seal(batch);
-  writer.finish();
-}
-
-template <typename Action>
-ErrorKind kind_thrown(Action&& action, std::string* message = nullptr) {
-  try {
-    action();
-  } catch (const Error& error) {
-    if (message) *message = error.what();
-    return error.kind();
-  }
-  ADD_FAILURE() << "nothing was thrown";
-  return ErrorKind::Internal;
-}
-
 TEST(CacheFile, ReturnsWhatWasWrittenBitForBit) {
   const ScratchFolder folder;
   const std::vector<SurfaceRecord> a = sample_records(20000, 1, 0), b = sample_records(3, 1, 1),
                                    c = sample_records(8192, 2, 0);
-  write_cache(folder / "a.irc", {a, {}, b, c});
+  write_batches(folder / "a.irc", {a, {}, b, c});
   const CacheOpening opening = open_cache(folder / "a.irc", sample_header().fingerprint);
   ASSERT_EQ(opening.state, CacheState::Loaded) << opening.reason;
   EXPECT_TRUE(opening.contents.is_complete);
@@ -66,14 +40,14 @@ TEST(CacheFile, ReturnsWhatWasWrittenBitForBit) {
 
 TEST(CacheFile, IsAPureFunctionOfItsContents) {
   const ScratchFolder folder;
-  write_cache(folder / "a.irc", {sample_records(9000)});
-  write_cache(folder / "other.irc", {sample_records(9000)});
+  write_batches(folder / "a.irc", {sample_records(9000)});
+  write_batches(folder / "other.irc", {sample_records(9000)});
   EXPECT_EQ(read_bytes(folder / "a.irc"), read_bytes(folder / "other.irc"));
 }
 
 TEST(CacheFile, AnEmptyCacheIsComplete) {
   const ScratchFolder folder;
-  write_cache(folder / "a.irc", {});
+  write_batches(folder / "a.irc", {});
   const CacheOpening opening = open_cache(folder / "a.irc", {});
   EXPECT_EQ(opening.state, CacheState::Loaded) << opening.reason;
   EXPECT_TRUE(opening.contents.records.empty());
@@ -81,20 +55,21 @@ TEST(CacheFile, AnEmptyCacheIsComplete) {
 
 TEST(CacheFile, ItsHeaderCanBeReadByPeople) {
   const ScratchFolder folder;
-  write_cache(folder / "a.irc", {sample_records(10)});
+  write_batches(folder / "a.irc", {sample_records(10)});
   const std::string head = read_bytes(folder / "a.irc").substr(0, 4096);
   EXPECT_THAT(head, HasSubstr(sample_header().settings));
   EXPECT_THAT(head, HasSubstr("brume test"));
   EXPECT_THAT(head, HasSubstr("irradiance"));
 }
 
-TEST(CacheFile, TheFirstVersionStaysReadable) {
-  const std::filesystem::path golden = std::filesystem::path(BRUME_SOURCE_DIR) / "tests/golden/cache_v1.irc";
+// What every released version wrote stays readable: tests/golden/cache_vX_Y.irc, 100 records each.
+std::vector<SurfaceRecord> read_golden(const std::string& name, CacheHeader* header = nullptr) {
+  const auto golden = std::filesystem::path(BRUME_SOURCE_DIR) / "tests/golden" / name;
   const CacheOpening opening = open_cache(golden, sample_header().fingerprint);
-  ASSERT_EQ(opening.state, CacheState::Loaded) << opening.reason;
+  EXPECT_EQ(opening.state, CacheState::Loaded) << opening.reason;
   const std::vector<SurfaceRecord>& records = opening.contents.records;
-  ASSERT_EQ(records.size(), 100u);
-  EXPECT_EQ(opening.contents.sealed_blocks, 3u);
+  EXPECT_EQ(records.size(), 100u);
+  if (records.size() != 100) return records;
   EXPECT_EQ(records[0].layer(), 1);
   EXPECT_EQ(records[40].wave(), 1);
   EXPECT_EQ(records[99].layer(), 2);
@@ -105,19 +80,31 @@ TEST(CacheFile, TheFirstVersionStaysReadable) {
   EXPECT_EQ(read.gradient[8], expected.gradient[8]);
   EXPECT_EQ(read.radius[1], expected.radius[1]);
   EXPECT_NEAR(read.normal[1], expected.normal[1], 1e-6);
-  // This version still writes the same bytes.
+  if (header) *header = opening.contents.header;
+  return records;
+}
+
+TEST(CacheFile, EarlierVersionsStayReadable) {
+  CacheHeader header;
+  read_golden("cache_v1.irc", &header);
+  EXPECT_EQ(header.format_minor, 0);
+  EXPECT_EQ(header.shards, ShardSet());
+}
+
+TEST(CacheFile, ThisVersionStillWritesTheSameBytes) {
+  const auto golden = std::filesystem::path(BRUME_SOURCE_DIR) / "tests/golden/cache_v1_1.irc";
+  CacheHeader header;
+  const std::vector<SurfaceRecord> records = read_golden("cache_v1_1.irc", &header);
+  EXPECT_EQ(header.format_minor, 1);
+  EXPECT_EQ(header.shards, sample_shards());
   const ScratchFolder folder;
-  const auto part = [&](std::size_t begin, std::size_t end) {
-    return std::vector<SurfaceRecord>(records.begin() + static_cast<std::ptrdiff_t>(begin),
-                                      records.begin() + static_cast<std::ptrdiff_t>(end));
-  };
-  write_cache(folder / "a.irc", {part(0, 40), part(40, 80), part(80, 100)}, opening.contents.header);
+  write_cache(folder / "a.irc", header, IrradianceCache(records, header.origin));
   EXPECT_EQ(read_bytes(folder / "a.irc"), read_bytes(golden));
 }
 
 TEST(CacheFile, AnotherFingerprintIsStale) {
   const ScratchFolder folder;
-  write_cache(folder / "a.irc", {sample_records(10)});
+  write_batches(folder / "a.irc", {sample_records(10)});
   Fingerprint other = sample_header().fingerprint;
   other.words[1] ^= 1;
   const CacheOpening opening = open_cache(folder / "a.irc", other);
@@ -138,35 +125,71 @@ TEST(CacheFile, WhatIsNoFileIsRefusedWithoutWaiting) {
   EXPECT_EQ(open_cache(folder / "file" / "a.irc", {}).state, CacheState::Missing);
 }
 
-TEST(CacheWriter, RemovesItsPartWhenAbandoned) {
+TEST(CacheFile, TellsWhichShardsItHolds) {
+  const ScratchFolder folder;
+  CacheHeader header = sample_header();
+  header.shards = sample_shards();
+  write_batches(folder / "a.irc", {sample_records(10)}, header);
+  const CacheOpening opening = open_cache(folder / "a.irc", {});
+  ASSERT_EQ(opening.state, CacheState::Loaded) << opening.reason;
+  EXPECT_EQ(opening.contents.header.shards, sample_shards());
+  EXPECT_EQ(sample_shards().missing(), (std::vector<std::uint32_t>{1, 2, 3, 5, 6, 7, 8}));
+  for (const ShardSet& bad : {ShardSet{1, 3, {3}}, ShardSet{1, 3, {1, 1}}, ShardSet{1, 3, {1, 0}},
+                              ShardSet{1, 0, {0}}, ShardSet{1, 4097, {}}}) {
+    header.shards = bad;
+    EXPECT_EQ(kind_thrown([&] { CacheWriter(folder / "b.irc", header); }), ErrorKind::Internal);
+  }
+}
+
+TEST(CacheFile, TheLookupOrderComesWithItAndIsChecked) {
+  const ScratchFolder folder;
+  std::vector<SurfaceRecord> records = sample_records(3000, 1, 0);
+  const std::vector<SurfaceRecord> more = sample_records(500, 2, 3);
+  records.insert(records.end(), more.begin(), more.end());
+  const IrradianceCache cache(records, sample_header().origin);
+  write_cache(folder / "a.irc", sample_header(), cache);
+  const CacheOpening opening = open_cache(folder / "a.irc", {});
+  ASSERT_EQ(opening.state, CacheState::Loaded) << opening.reason;
+  ASSERT_EQ(opening.contents.curve_order.size(), 3500u);
+  std::vector<std::uint32_t> order = cache.curve_order(1);
+  const std::vector<std::uint32_t> second = cache.curve_order(2);
+  EXPECT_EQ(order.size(), 3000u);
+  order.insert(order.end(), second.begin(), second.end());
+  EXPECT_EQ(opening.contents.curve_order, order);
+
+  // Behind valid sums, an order that would lose or invent records.
+  const auto state_with = [&](std::size_t layer_1, std::uint32_t value) {
+    std::vector<std::uint32_t> bad = cache.curve_order(1);
+    bad[layer_1] = value;
+    CacheWriter writer(folder / "bad.irc", sample_header());
+    writer.seal({records.begin(), records.begin() + 3000});
+    writer.seal(more);
+    writer.seal_order(1, bad);
+    writer.seal_order(2, second);
+    writer.finish();
+    return open_cache(folder / "bad.irc", {}).state;
+  };
+  EXPECT_EQ(state_with(7, order[7]), CacheState::Loaded);
+  EXPECT_EQ(state_with(7, order[8]), CacheState::Corrupt);  // Twice.
+  EXPECT_EQ(state_with(7, 3001), CacheState::Corrupt);      // Of another layer.
+  EXPECT_EQ(state_with(7, 3500), CacheState::Corrupt);      // None.
+  EXPECT_EQ(state_with(7, 0xfffffffe), CacheState::Corrupt);
+  EXPECT_EQ(state_with(7, 0xffffffff), CacheState::Corrupt);  // One too few.
+}
+
+TEST(CacheWriter, LeavesNothingBehindWhenAbandoned) {
   const ScratchFolder folder;
   {
     CacheWriter writer(folder / "a.irc", sample_header());
     writer.seal(sample_records(10));
-    EXPECT_TRUE(std::filesystem::exists(folder / "a.irc.part"));
+    EXPECT_TRUE(std::filesystem::exists(folder / "a.irc.next"));
   }
-  EXPECT_FALSE(std::filesystem::exists(folder / "a.irc.part"));
-  EXPECT_FALSE(std::filesystem::exists(folder / "a.irc"));
-}
-
-TEST(CacheWriter, LeavesAValidPrefixWhenAsked) {
-  const ScratchFolder folder;
-  const std::vector<SurfaceRecord> records = sample_records(10000);
-  {
-    CacheWriter writer(folder / "a.irc", sample_header());
-    writer.seal(records);
-    writer.leave();
-  }
-  const CacheOpening part = open_cache(folder / "a.irc.part", sample_header().fingerprint);
-  EXPECT_EQ(part.state, CacheState::Corrupt);
-  EXPECT_THAT(part.reason, HasSubstr("unfinished"));
-  EXPECT_FALSE(part.contents.is_complete);
-  EXPECT_TRUE(same_bits(part.contents.records, records));
+  EXPECT_TRUE(folder.is_empty());
 }
 
 TEST(CacheWriter, KeepsTheOldFileUntilItFinishes) {
   const ScratchFolder folder;
-  write_cache(folder / "a.irc", {sample_records(10)});
+  write_batches(folder / "a.irc", {sample_records(10)});
   const std::string before = read_bytes(folder / "a.irc");
   CacheWriter writer(folder / "a.irc", sample_header());
   writer.seal(sample_records(20));
@@ -188,8 +211,9 @@ TEST(CacheWriter, ASecondWriterOfTheSameFileIsTurnedAway) {
   CacheWriter again(folder / "a.irc", sample_header());
 }
 
-TEST(CacheWriter, TakesOverThePartOfADeadProcess) {
+TEST(CacheWriter, ADeadWriterIsNotInTheWay) {
   const ScratchFolder folder;
+  write_batches(folder / "a.irc", {sample_records(5)});
   const pid_t child = ::fork();
   ASSERT_GE(child, 0);
   if (child == 0) {
@@ -200,11 +224,11 @@ TEST(CacheWriter, TakesOverThePartOfADeadProcess) {
   int status = 0;
   ::waitpid(child, &status, 0);
   ASSERT_TRUE(WIFSIGNALED(status));
-  // What was sealed outlives the kill.
-  EXPECT_EQ(open_cache(folder / "a.irc.part", {}).contents.records.size(), 9000u);
-  write_cache(folder / "a.irc", {sample_records(10)});
+  EXPECT_EQ(open_cache(folder / "a.irc", {}).contents.records.size(), 5u);
+  write_batches(folder / "a.irc", {sample_records(10)});
   EXPECT_EQ(open_cache(folder / "a.irc", {}).contents.records.size(), 10u);
   EXPECT_FALSE(std::filesystem::exists(folder / "a.irc.part"));
+  EXPECT_FALSE(std::filesystem::exists(folder / "a.irc.next"));
 }
 
 TEST(CacheWriter, OneOfManyProcessesWins) {
@@ -247,34 +271,27 @@ TEST(CacheWriter, OneOfManyProcessesWins) {
   EXPECT_EQ(open_cache(folder / "a.irc", {}).contents.records.size(), 9000u);
 }
 
-TEST(CacheWriter, AFullDiskLeavesAValidPrefix) {
+TEST(CacheWriter, AFullDiskLeavesWhatWasThere) {
   const ScratchFolder folder;
-  const std::vector<SurfaceRecord> first = sample_records(8192), second = sample_records(8192, 1, 1);
-  struct rlimit before {};
-  ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
-  struct sigaction ignore {}, old {};
-  ignore.sa_handler = SIG_IGN;
-  ::sigaction(SIGXFSZ, &ignore, &old);
+  write_batches(folder / "a.irc", {sample_records(5)});
+  const std::vector<SurfaceRecord> first = sample_records(8192),
+                                   second = sample_records(8192, 1, 1);
   std::string message;
   {
     CacheWriter writer(folder / "a.irc", sample_header());
     writer.seal(first);
-    struct rlimit limit = before;
-    limit.rlim_cur = 1'500'000;  // In the middle of the second block.
-    ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &limit), 0);
-    EXPECT_EQ(kind_thrown([&] { writer.seal(second); }, &message), ErrorKind::Resource);
-    ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &before), 0);
+    {
+      const FileSizeLimit limit(1'500'000);  // In the middle of the second block.
+      EXPECT_EQ(kind_thrown([&] { writer.seal(second); }, &message), ErrorKind::Resource);
+    }
     // There is space again, but what the disk holds is no longer known.
     EXPECT_EQ(kind_thrown([&] { writer.seal(second); }), ErrorKind::Resource);
     EXPECT_EQ(kind_thrown([&] { writer.finish(); }), ErrorKind::Resource);
   }
-  ::sigaction(SIGXFSZ, &old, nullptr);
-  EXPECT_THAT(message, HasSubstr((folder / "a.irc.part").string()));
+  EXPECT_THAT(message, HasSubstr((folder / "a.irc.next").string()));
   EXPECT_THAT(message, HasSubstr("1048640 bytes at 1052736"));
-  EXPECT_FALSE(std::filesystem::exists(folder / "a.irc"));
-  const CacheCheck part = check_cache(folder / "a.irc.part");
-  EXPECT_EQ(part.valid_bytes, part.file_bytes);
-  EXPECT_TRUE(same_bits(part.opening.contents.records, first));
+  EXPECT_EQ(open_cache(folder / "a.irc", {}).contents.records.size(), 5u);
+  EXPECT_FALSE(std::filesystem::exists(folder / "a.irc.next"));
 }
 
 TEST(CacheWriter, RefusesPlacesItCannotWriteToAtOnce) {
@@ -317,7 +334,7 @@ TEST(CacheWriter, RefusesWhatItCouldNotReadBack) {
 
   CacheHeader header = sample_header();
   header.settings = std::string(CacheHeader::kMaxSettingsBytes, 'x');
-  write_cache(folder / "long.irc", {}, header);
+  write_batches(folder / "long.irc", {}, header);
   EXPECT_EQ(open_cache(folder / "long.irc", {}).contents.header.settings, header.settings);
   header.settings += 'x';
   EXPECT_EQ(kind_thrown([&] { CacheWriter(folder / "b.irc", header); }), ErrorKind::Internal);

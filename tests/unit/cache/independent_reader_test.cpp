@@ -2,10 +2,12 @@
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "cache/irradiance_cache.h"
 #include "sample_records.h"
 
 namespace brume {
@@ -86,6 +88,25 @@ TEST_F(IndependentReader, ReadsTheHeader) {
   EXPECT_EQ(header["fingerprint"], sample_header().fingerprint.hex());
   EXPECT_EQ(header["settings"], sample_header().settings);
   EXPECT_EQ(header["record_count"], 10);
+}
+
+TEST_F(IndependentReader, ReadsCachesAsBakesWriteThem) {
+  std::vector<SurfaceRecord> records = sample_records(300, 1, 0);
+  for (const SurfaceRecord& r : sample_records(41, 2, 128)) records.push_back(r);
+  CacheHeader header = sample_header();
+  header.shards = sample_shards();
+  write_cache(file_, header, IrradianceCache(records, header.origin));
+  const ProgramRun shown = read("");
+  ASSERT_EQ(shown.status, 0) << shown.output;
+  const auto json = nlohmann::json::parse(shown.output);
+  EXPECT_EQ(json["record_count"], 341);
+  EXPECT_EQ(json["blocks"].size(), 4u);
+  EXPECT_EQ(json["blocks"][3]["kind"], 3);
+  EXPECT_EQ(json["shards"]["count"], 10);
+  EXPECT_EQ(json["shards"]["done"], (std::vector<int>{0, 4, 9}));
+  EXPECT_EQ(json["shards"]["request"].get<std::uint64_t>(), sample_shards().request);
+  const ProgramRun listing = read("--records");
+  EXPECT_EQ(std::count(listing.output.begin(), listing.output.end(), '\n'), 341);
 }
 
 TEST_F(IndependentReader, RefusesDamage) {

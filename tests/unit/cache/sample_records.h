@@ -1,6 +1,11 @@
 // Records that are valid, all different, and the same every time.
 #pragma once
 
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <csignal>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -8,6 +13,7 @@
 #include <vector>
 
 #include "cache/cache_file.h"
+#include "core/error.h"
 #include "core/random.h"
 
 namespace brume {
@@ -53,6 +59,58 @@ inline CacheHeader sample_header() {
   return header;
 }
 
+// Some of ten.
+inline ShardSet sample_shards() { return {0x1122334455667788ULL, 10, {0, 4, 9}}; }
+
+inline bool same_bits(const std::vector<SurfaceRecord>& a, const std::vector<SurfaceRecord>& b) {
+  return a.size() == b.size() &&
+         (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof a[0]) == 0);
+}
+
+// Without a lookup order.
+inline void write_batches(const std::filesystem::path& file,
+                          const std::vector<std::vector<SurfaceRecord>>& batches,
+                          const CacheHeader& header = sample_header()) {
+  CacheWriter writer(file, header);
+  for (const auto& batch : batches) writer.seal(batch);
+  writer.finish();
+}
+
+template <typename Action>
+ErrorKind kind_thrown(Action&& action, std::string* message = nullptr) {
+  try {
+    action();
+  } catch (const Error& error) {
+    if (message) *message = error.what();
+    return error.kind();
+  }
+  ADD_FAILURE() << "nothing was thrown";
+  return ErrorKind::Internal;
+}
+
+// While one lives no file may grow beyond `bytes`: a full disk, as far as a writer can tell.
+class FileSizeLimit {
+ public:
+  explicit FileSizeLimit(rlim_t bytes) {
+    struct sigaction ignore {};
+    ignore.sa_handler = SIG_IGN;
+    ::sigaction(SIGXFSZ, &ignore, &action_);
+    ::getrlimit(RLIMIT_FSIZE, &limit_);
+    const struct rlimit low { bytes, limit_.rlim_max };
+    ::setrlimit(RLIMIT_FSIZE, &low);
+  }
+  ~FileSizeLimit() {
+    ::setrlimit(RLIMIT_FSIZE, &limit_);
+    ::sigaction(SIGXFSZ, &action_, nullptr);
+  }
+  FileSizeLimit(const FileSizeLimit&) = delete;
+  FileSizeLimit& operator=(const FileSizeLimit&) = delete;
+
+ private:
+  struct rlimit limit_ {};
+  struct sigaction action_ {};
+};
+
 inline std::string read_bytes(const std::filesystem::path& file) {
   std::ifstream stream(file, std::ios::binary);
   return {std::istreambuf_iterator<char>(stream), {}};
@@ -75,6 +133,7 @@ class ScratchFolder {
   ScratchFolder(const ScratchFolder&) = delete;
   ScratchFolder& operator=(const ScratchFolder&) = delete;
   std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
+  bool is_empty() const { return std::filesystem::is_empty(path_); }
 
  private:
   std::filesystem::path path_;

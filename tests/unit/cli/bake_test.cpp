@@ -70,6 +70,14 @@ TEST_F(Bake, AStaleCacheIsRefusedUnlessItIsToBeReplaced) {
   EXPECT_TRUE(read("c.irc") != before);
 }
 
+TEST_F(Bake, ARenamedCacheIsAsGoodAsBefore) {
+  ASSERT_EQ(bake().code, 0);
+  std::filesystem::rename(path("c.irc"), path("d.irc"));
+  const RunResult result = brume({"bake", write_scene(), "-o", path("d.irc"), "--json"});
+  EXPECT_EQ(result.code, 0) << result.err;
+  EXPECT_EQ(result.json()["written"], false);
+}
+
 TEST_F(Bake, DamagedAndForeignFilesAreRefusedUntouched) {
   ASSERT_EQ(bake().code, 0);
   std::string damaged = read("c.irc");

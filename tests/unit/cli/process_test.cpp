@@ -64,18 +64,6 @@ TEST_F(Process, ASignalWithoutACheckpointGives128PlusItsNumber) {
   EXPECT_FALSE(exists("a.exr"));
 }
 
-TEST_F(Process, ASignalLeavesAValidCheckpoint) {
-  const std::string scene = write_scene();
-  const std::vector<std::string> command{
-      "bake",  scene,        "-o",    path("c.irc"), "--res", "512x512",      "--cells",
-      "16x50", "--progress", "plain", "--error",     "0.02",  "--max-radius", "0.01"};
-  const pid_t pid = start(command, path("out"));
-  wait_until_err_has(" %");
-  kill(pid, SIGUSR1);
-  EXPECT_EQ(exit_code_of(pid), 75);
-  EXPECT_EQ(brume({"inspect", path("c.irc"), "--deep"}).code, 0);
-}
-
 TEST_F(Process, ForeignGridsAreReadInAChildOfTheSameBinary) {
   const auto grid = std::filesystem::path(BRUME_SHARED_DATA) / "vdb" / "sphere_density.vdb";
   if (!std::filesystem::exists(grid)) GTEST_SKIP() << grid << " is absent";

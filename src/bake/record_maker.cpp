@@ -1,0 +1,130 @@
+#include "bake/record_maker.h"
+
+#include <algorithm>
+
+#include "bake/work_units.h"
+#include "core/parallel.h"
+#include "core/random.h"
+
+namespace brume {
+namespace {
+
+// Deeper layers are seen only through another gather, which averages them: half the cells each way,
+// twice the spacing, and no small radii.
+constexpr int kDeeperCellsDivisor = 2;
+constexpr double kDeeperErrorFactor = 2, kDeeperMinRadiusFactor = 8;
+
+Vec3d vector(const float* v) { return {v[0], v[1], v[2]}; }
+
+}  // namespace
+
+Vec3d bake_origin(const World& world) {
+  Vec3d origin = (world.bounds().min + world.bounds().max) * 0.5;
+  for (int a = 0; a < 3; ++a)
+    if (!std::isfinite(origin[a])) origin[a] = 0;
+  return origin;
+}
+
+RecordMaker::RecordMaker(const Lighting& lighting, const Effects& effects,
+                         const BakeSettings& settings, const Vec3d& origin, int threads,
+                         CacheJournal* journal)
+    : lighting_(lighting),
+      effects_(effects),
+      settings_(settings),
+      origin_(origin),
+      threads_(threads),
+      journal_(journal) {}
+
+void RecordMaker::use_layer(int layer, std::shared_ptr<const IrradianceCache> sealed) {
+  layer_settings_ = settings_;
+  if (layer < top_layer(settings_)) {
+    GatherOptions& g = layer_settings_.gather;
+    g.cells_theta = std::max(4, g.cells_theta / kDeeperCellsDivisor);
+    g.cells_phi = std::max(8, g.cells_phi / kDeeperCellsDivisor);
+    layer_settings_.error *= kDeeperErrorFactor;
+    layer_settings_.min_radius =
+        std::min(layer_settings_.max_radius, layer_settings_.min_radius * kDeeperMinRadiusFactor);
+  }
+  workers_.resize(static_cast<std::size_t>(resolve_thread_count(threads_)));
+  for (Worker& w : workers_)
+    w.gatherer = std::make_unique<Gatherer>(lighting_, effects_, layer_settings_.gather);
+  sealed_ = std::move(sealed);
+  below_ = light_below(*sealed_, layer);
+}
+
+SurfaceRecord RecordMaker::place(const SurfacePoint& point, int layer, int wave) const {
+  SurfaceRecord r{};
+  const Vec3d local = point.position - origin_;
+  for (int a = 0; a < 3; ++a) {
+    r.position[a] = static_cast<float>(local[a]);
+    r.normal[a] = static_cast<float>(point.normal[a]);
+  }
+  r.key = record_key(r.position, r.normal);
+  r.flags = record_flags(layer, wave);
+  return r;
+}
+
+void RecordMaker::gather(double offset, SurfaceRecord& r, int slot) {
+  if (const SurfaceRecord* known = journal_ ? journal_->find(r.layer(), r.key) : nullptr) {
+    const std::uint32_t flags = r.flags;
+    r = *known;
+    r.flags = flags;
+    return;
+  }
+  // The point as stored, so that the record is a function of what is in the file.
+  const Vec3d normal = vector(r.normal).normalized();
+  const GatherPoint at{vector(r.position) + origin_, normal, offset,
+                       random_key(settings_.seed, r.key)};
+  Worker& worker = workers_[static_cast<std::size_t>(slot)];
+  const GatherResult g = worker.gatherer->gather(at, below_, worker.counters);
+  const RgbGradient gradient = g.terms.sum();
+  const Frame frame(normal);
+  for (int c = 0; c < 3; ++c) {
+    r.irradiance[c] = static_cast<float>(g.irradiance[c]);
+    for (int a = 0; a < 3; ++a) r.gradient[3 * c + a] = static_cast<float>(gradient[c][a]);
+    r.rotational[2 * c] = static_cast<float>(g.rotational[c].dot(frame.u));
+    r.rotational[2 * c + 1] = static_cast<float>(g.rotational[c].dot(frame.v));
+  }
+  if (settings_.gather.gradient == GradientMode::None)
+    std::fill(std::begin(r.rotational), std::end(r.rotational), 0.0f);
+  const double radius =
+      split_sphere_radius(g, normal, layer_settings_, lighting_.world().diagonal());
+  r.radius[0] = r.radius[1] = static_cast<float>(radius);
+  r.error = static_cast<float>(g.error);
+  const double all = luminance(g.irradiance);
+  r.media_share = all > 0 ? static_cast<float>(luminance(g.irradiance_media) / all) : 0;
+  if (journal_) journal_->add(r);
+}
+
+void RecordMaker::clamp_by_neighbours(std::vector<SurfaceRecord>& fresh, int layer,
+                                      std::vector<const IrradianceCache*> others) const {
+  if (fresh.empty()) return;
+  std::vector<SurfaceRecord> sorted = fresh;
+  std::sort(sorted.begin(), sorted.end(), RecordOrder());
+  const IrradianceCache peers(std::move(sorted), origin_);
+  others.push_back(&peers);
+  parallel_for(threads_, fresh.size(), 64, [&](std::size_t i) {
+    SurfaceRecord& r = fresh[i];
+    const Vec3d p = vector(r.position) + origin_, n = vector(r.normal);
+    const double own = r.radius[0];
+    double radius = own;
+    for (const IrradianceCache* cache : others)
+      for (const RecordWeight& w : cache->explain({layer, p, n, own})) {
+        const SurfaceRecord& o = *w.record;
+        const double d = (vector(o.position) + origin_ - p).length();
+        radius = std::min(radius, std::min(o.radius[0], o.radius[1]) + d);
+      }
+    if (radius < own) {
+      r.radius[0] = r.radius[1] = static_cast<float>(radius);
+      r.flags |= kRadiusClampedFlag;
+    }
+  });
+}
+
+Counters RecordMaker::counters() const {
+  Counters sum;
+  for (const Worker& w : workers_) sum += w.counters;
+  return sum;
+}
+
+}  // namespace brume

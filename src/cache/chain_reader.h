@@ -1,0 +1,22 @@
+// Reads a file's header and chain of blocks, in as many threads as pay. Private to cache/.
+#pragma once
+
+#include "cache/block_chain.h"
+
+namespace brume {
+
+struct ChainReading {
+  CacheCheck check;
+  ChainState state;
+};
+
+struct ChainReadingOptions {
+  std::optional<Fingerprint> expected{};
+  bool stops_at_bad_records = false;
+};
+
+// What `file`, of `bytes` bytes, holds up to the first thing wrong with it.
+ChainReading read_chain(const PosixFile& file, std::uint64_t bytes,
+                        const ChainReadingOptions& options = {});
+
+}  // namespace brume
