@@ -67,7 +67,7 @@ SceneJson flight_cameras(int frames) {
     std::string name = std::to_string(i);
     if (name.size() < 2) name.insert(0, "0");
     cameras["f" + name] = {
-        {"position", json_of(position)}, {"look_at", json_of(look_at)}, {"fov_deg", 37}};
+        {"position", json_list(position)}, {"look_at", json_list(look_at)}, {"fov_deg", 37}};
   }
   return cameras;
 }

@@ -12,8 +12,6 @@
 
 namespace brume {
 
-inline constexpr std::array kGradientModes{GradientMode::None, GradientMode::WardHeckbert,
-                                           GradientMode::Media, GradientMode::Full};
 inline constexpr std::size_t kModeCount = kGradientModes.size();
 
 // What a scene file asks of a bake, the rest by default.
