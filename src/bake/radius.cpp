@@ -25,8 +25,9 @@ double split_sphere_radius(const GatherResult& gather, const Vec3d& normal,
   // The nearer of what is there and what shines: light scattered close by changes fast too.
   const double distance = std::min(gather.mean_distance, gather.light_distance);
   double radius = std::min(settings.error * distance, settings.max_radius * diagonal);
-  // Nothing arrives, so nothing changes: the inside of a closed box needs no more than its neighbours ask.
-  if (is_black(gather.irradiance)) return settings.max_radius * diagonal;
+  // Where nothing arrives distances alone say how far that may hold: a record that reached farther would
+  // darken lit neighbours in its plane.
+  if (is_black(gather.irradiance)) return std::max(radius, settings.min_radius * diagonal);
   const RgbGradient g = gather.terms.sum();
   Vec3d along = luminance(g);
   along -= normal * normal.dot(along);
