@@ -5,6 +5,7 @@
 #include "core/sampling.h"
 #include "gather/direction_cells.h"
 #include "gather/medium_source.h"
+#include "gather/shell_sums.h"
 #include "gather/surface_light.h"
 #include "vdb_media/ray_marcher.h"
 
@@ -22,56 +23,6 @@ struct Cell {
   Vec3d w{0.0};  // World space.
   double s = kInfinity;
   Vec3d q{0.0};  // Along any direction d the hit plane lies at 1/r = q.d; 0 for a miss.
-};
-
-// Of one cell and one grid: the sum of F_i times the density's gradient integral for a ray that
-// ends in shell i, in the grid's index space.
-struct Bend {
-  int volume = 0;
-  RgbGradient sum;
-
-  void add(const RgbD& light, const Vec3d& integral) { sum += outer(light, integral); }
-  // As an integral of grad sigma_t in world space.
-  RgbGradient in_world(const Volume& v) const {
-    const RgbD sigma_t = v.sigma_t();
-    RgbGradient world;
-    for (int ch = 0; ch < 3; ++ch)
-      world[ch] = v.density->world_to_index().transposed_vector(sum[ch]) * sigma_t[ch];
-    return world;
-  }
-};
-
-// Running sums over a cell's shells, so that each wall costs one look-up however many there are.
-class ShellSums {
- public:
-  void begin(int shells) {
-    inverse_t_.clear();
-    sums_.assign(1, {});
-    inverse_t_.reserve(shells);
-    sums_.reserve(shells + 1);
-  }
-  // The next shell outwards: its light and 1/t of its centre.
-  void add(const RgbD& light, double inverse_t) {
-    const Sums& s = sums_.back();
-    sums_.push_back({s.light + light, s.over_distance + light * inverse_t});
-    inverse_t_.push_back(inverse_t);
-  }
-  RgbD light() const { return sums_.back().light; }
-  RgbD light_over_distance() const { return sums_.back().over_distance; }
-  // sum F_i / min(t_i, r), from 1/r: Phi of gradients.md 3.
-  RgbD over_distance_up_to(double inverse_r) const {
-    const auto beyond =
-        std::lower_bound(inverse_t_.begin(), inverse_t_.end(), inverse_r, std::greater<>());
-    const Sums& near = sums_[beyond - inverse_t_.begin()];
-    return near.over_distance + (sums_.back().light - near.light) * inverse_r;
-  }
-
- private:
-  struct Sums {
-    RgbD light, over_distance;
-  };
-  std::vector<double> inverse_t_;  // Descending.
-  std::vector<Sums> sums_;
 };
 
 Vec3d perpendicular(const Vec3d& v, const Vec3d& w) { return v - w * v.dot(w); }
@@ -505,26 +456,6 @@ GatherResult Gatherer::gather(const GatherPoint& point, const HitLight& light, C
 GradientTerms Gatherer::gradient(GradientMode mode) {
   Counters counters;
   return impl_->terms_of(mode, counters);
-}
-
-RgbD direct_irradiance(const Lighting& lighting, const Vec3d& position, const Vec3d& normal,
-                       int samples, std::uint64_t key, Counters& counters) {
-  const World& world = lighting.world();
-  RandomStream random(key);
-  RgbD sum;
-  for (std::size_t l = 0; l < world.lights().size(); ++l) {
-    const Light& light = *world.lights()[l];
-    const int n = light.is_delta() ? 1 : samples;
-    for (int i = 0; i < n; ++i) {
-      const LightSample s = light.sample(position, random.uniform2());
-      const double cosine = normal.dot(s.direction);
-      if (cosine <= 0 || is_black(s.weight)) continue;
-      ++counters.shadow_rays;
-      if (world.tracer().is_occluded(shadow_ray(position, s))) continue;
-      sum += s.weight * lighting.exact_transmittance(s, position, counters) * (cosine / n);
-    }
-  }
-  return sum;
 }
 
 }  // namespace brume

@@ -93,49 +93,46 @@ void ShellMarcher::march_grid(int volume, const Ray& ray, std::span<const double
   const double mean_sigma_t = mean_component(v.sigma_t());
   const RgbD sigma_t = v.sigma_t();
   ShellDensity* shells = &shells_[volume * stride_];
-  double depth = 0, in_shell = 0;
+  double depth = 0;
   Vec3d i0(0.0), i1(0.0);  // i1 of the grid's own parameter, which starts at `base`.
-  int first = 0;
-  const auto close = [&](int shell, int end) {
-    if (end > first) {
-      if (in_shell > 0) {
-        shells[shell].integral = in_shell;
-        const double target =
-            in_shell * draw_depth_fraction(jitter[shell], mean_sigma_t * in_shell);
-        double before = 0;
-        int i = first;
-        for (; i + 1 < end; ++i) {
-          const double after = before + double(s.mean[i]) * s.length[i];
-          if (after >= target) break;
-          before = after;
-        }
-        const double part = s.length[i] > 0 ? std::max(0.0, target - before) / s.length[i] : 0;
-        const double t =
-            base + s.begin[i] + s.length[i] * solve_segment(s.mean[i], s.change[i], part);
-        shells[shell].t_sample = std::clamp(t, scratch_->edges[shell], scratch_->edges[shell + 1]);
-        depth += in_shell;
-        in_shell = 0;
+  int i = 0;
+  for (int shell = 0; shell < shell_count_; ++shell) {
+    // One shell's segments are summed in registers.
+    const int first = i;
+    const double end = shell + 1 < shell_count_ ? cuts[shell + 1] : kInfinity;
+    double in_shell = 0, gx = 0, gy = 0, gz = 0, mx = 0, my = 0, mz = 0;
+    for (; i < s.count && s.begin[i] < end; ++i) {
+      in_shell += double(s.mean[i]) * s.length[i];
+      if constexpr (kGradients) {
+        gx += double(s.gradient[0][i]), gy += double(s.gradient[1][i]);
+        gz += double(s.gradient[2][i]), mx += double(s.moment[0][i]);
+        my += double(s.moment[1][i]), mz += double(s.moment[2][i]);
       }
-      first = end;
+    }
+    if (in_shell > 0) {
+      shells[shell].integral = in_shell;
+      const double target = in_shell * draw_depth_fraction(jitter[shell], mean_sigma_t * in_shell);
+      double before = 0;
+      int at = first;
+      for (; at + 1 < i; ++at) {
+        const double after = before + double(s.mean[at]) * s.length[at];
+        if (after >= target) break;
+        before = after;
+      }
+      const double part = s.length[at] > 0 ? std::max(0.0, target - before) / s.length[at] : 0;
+      const double t =
+          base + s.begin[at] + s.length[at] * solve_segment(s.mean[at], s.change[at], part);
+      shells[shell].t_sample = std::clamp(t, scratch_->edges[shell], scratch_->edges[shell + 1]);
+      depth += in_shell;
     }
     add_depth(tau_[shell + 1], sigma_t, depth);
     if constexpr (kGradients) {
+      i0 += Vec3d(gx, gy, gz);
+      i1 += Vec3d(mx, my, mz);
       i0_[volume * stride_ + shell + 1] = i0;
       i1_[volume * stride_ + shell + 1] = i1 + i0 * base;
     }
-  };
-  int shell = 0;
-  for (int i = 0; i < s.count; ++i) {
-    while (shell + 1 < shell_count_ && s.begin[i] >= cuts[shell + 1]) close(shell++, i);
-    const double length = s.length[i];
-    in_shell += double(s.mean[i]) * length;
-    if constexpr (kGradients)
-      for (int a = 0; a < 3; ++a) {
-        i0[a] += double(s.gradient[a][i]);
-        i1[a] += double(s.moment[a][i]);
-      }
   }
-  while (shell < shell_count_) close(shell++, s.count);
 }
 
 void ShellMarcher::march_homogeneous(int volume, const Ray& ray, std::span<const double> jitter,
