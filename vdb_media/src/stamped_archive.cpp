@@ -1,4 +1,4 @@
-#include "vdb_archive.h"
+#include "stamped_archive.h"
 
 #include <sys/stat.h>
 #include <unistd.h>
@@ -7,6 +7,7 @@
 #include <cctype>
 #include <cerrno>
 #include <system_error>
+#include <vector>
 
 #include "child_process.h"
 #include "core/error.h"
@@ -65,24 +66,11 @@ std::vector<char> read_whole(const fs::path& file, int fd) {
 
 }  // namespace
 
-openvdb::math::Transform::Ptr to_transform(const Affine3d& a) {
-  openvdb::math::Mat4d m = openvdb::math::Mat4d::identity();  // Acts on row vectors.
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 4; ++j) m(j, i) = a.m[std::size_t(i)][std::size_t(j)];
-  return openvdb::math::Transform::createLinearTransform(m);
-}
-
-void write_archive(const fs::path& file, const openvdb::GridPtrVec& grids) {
+void write_stamped_archive(const fs::path& file,
+                           const std::function<void(const std::string& path)>& write) {
   // OpenVDB seeks while it writes and knows only paths, so it writes to a file in memory.
   const UniqueFd memory = make_memory_file("brume-grid-file");
-  try {
-    openvdb::io::File archive("/proc/self/fd/" + std::to_string(memory.get()));
-    archive.setCompression(openvdb::io::COMPRESS_BLOSC | openvdb::io::COMPRESS_ACTIVE_MASK);
-    archive.write(grids);
-    archive.close();
-  } catch (const openvdb::Exception& e) {
-    throw Error(ErrorKind::Resource, file.string() + ": cannot be written: " + printable(e.what()));
-  }
+  write("/proc/self/fd/" + std::to_string(memory.get()));
   std::vector<char> bytes = read_whole(file, memory.get());
   stamp(file, bytes);
   write_file_whole(file, {bytes.data(), bytes.size()});
