@@ -2,6 +2,7 @@
 
 #include <fstream>
 
+#include "bake/scene_settings.h"
 #include "cli/environment.h"
 #include "cli/file_magic.h"
 #include "cli/values.h"
@@ -136,15 +137,7 @@ PresetValues preset_values(Preset preset) {
 }
 
 BakeSettings AccuracyOptions::bake_settings(const RenderSettings& scene) const {
-  BakeSettings base;
-  base.gather.cells_theta = scene.cells_theta;
-  base.gather.cells_phi = scene.cells_phi;
-  base.gather.shells = scene.shells;
-  base.gather.step_voxels = scene.step_voxels;
-  base.bounces = scene.bounces;
-  base.volume_bounces = scene.volume_bounces.value_or(1);  // auto is 1 until volume records exist.
-  base.seed = scene.seed;
-  return bake_settings(base);
+  return bake_settings(settings_of(scene));
 }
 
 BakeSettings AccuracyOptions::bake_settings(const BakeSettings& base) const {

@@ -8,14 +8,12 @@
 #include <vector>
 
 #include "bake/bake.h"
+#include "bake/scene_settings.h"
 #include "study/study_run.h"
 
 namespace brume {
 
 inline constexpr std::size_t kModeCount = kGradientModes.size();
-
-// What a scene file asks of a bake, the rest by default.
-BakeSettings settings_of(const RenderSettings& render);
 
 // Not movable: its parts refer to each other.
 class StudyScene {

@@ -8,7 +8,7 @@
 #include <cstdlib>
 #include <ctime>
 
-#include "bake/bake.h"
+#include "bake/scene_settings.h"
 #include "core/parallel.h"
 #include "core/random.h"
 #include "scene/scene_file.h"
@@ -27,9 +27,7 @@ int main(int argc, char** argv) {
   const std::size_t wanted = argc > 3 ? std::strtoul(argv[3], nullptr, 10) : 400;
   const Scene scene = load_scene(argv[1], {});
   const World world(scene);
-  BakeSettings settings;
-  settings.bounces = scene.render.bounces;
-  settings.volume_bounces = 1;
+  const BakeSettings settings = settings_of(scene.render);
   const Lighting lighting(world, {});
   BakeRequest request;
   request.everywhere = true;

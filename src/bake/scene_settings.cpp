@@ -1,0 +1,17 @@
+#include "bake/scene_settings.h"
+
+namespace brume {
+
+BakeSettings settings_of(const RenderSettings& render) {
+  BakeSettings settings;
+  settings.gather.cells_theta = render.cells_theta;
+  settings.gather.cells_phi = render.cells_phi;
+  settings.gather.shells = render.shells;
+  settings.gather.step_voxels = render.step_voxels;
+  settings.bounces = render.bounces;
+  settings.volume_bounces = render.volume_bounces.value_or(1);
+  settings.seed = render.seed;
+  return settings;
+}
+
+}  // namespace brume
