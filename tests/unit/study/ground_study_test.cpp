@@ -4,28 +4,23 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <filesystem>
 
 #include "core/error.h"
 #include "data_gen/talk_scenes.h"
 #include "scene/scene_file.h"
+#include "unit/scene/temporary_folder.h"
 
 namespace brume {
 namespace {
 
-namespace fs = std::filesystem;
-
 std::size_t index_of(GradientSource source) { return static_cast<std::size_t>(source); }
 
 Scene talk_scene(const std::string& name) {
-  const fs::path folder = fs::path(testing::TempDir()) / ("brume_ground_" + name);
-  fs::create_directories(folder);
+  const TemporaryFolder folder;  // CTest runs the tests of this file beside one another.
   TalkSceneOptions options;
   options.size_px = 32;
   options.resolution = 16;
-  const Scene scene = load_scene(write_talk_scene(name, folder, options).front(), {});
-  fs::remove_all(folder);
-  return scene;
+  return load_scene(write_talk_scene(name, folder.path(), options).front(), {});
 }
 
 GroundOptions small() {
