@@ -89,6 +89,46 @@ void radix_sort(std::vector<Placed>& items) {
   }
 }
 
+// Along the curve, on one scale for all axes, so that its cells are cubes.
+class Curve {
+ public:
+  Curve(const float* low, const float* high) {
+    double extent = 0;
+    for (int a = 0; a < 3; ++a) {
+      low_[a] = low[a];
+      extent = std::max(extent, double(high[a]) - low[a]);
+    }
+    scale_ = extent > 0 ? ((1 << kBitsPerAxis) - 1) / extent : 0;
+  }
+  std::uint64_t operator()(const float* position) const {
+    std::array<std::uint32_t, 3> cell;
+    for (std::size_t a = 0; a < 3; ++a)
+      cell[a] = static_cast<std::uint32_t>((double(position[a]) - low_[a]) * scale_);
+    return hilbert_index(cell, kBitsPerAxis);
+  }
+
+ private:
+  double low_[3], scale_;
+};
+
+std::vector<std::uint32_t> along_curve(std::vector<Placed>& placed) {
+  radix_sort(placed);
+  std::vector<std::uint32_t> order(placed.size());
+  for (std::size_t i = 0; i < placed.size(); ++i) order[i] = placed[i].record;
+  return order;
+}
+
+// Makes sites of records. The curve's order is not the records': asks for the one of a few steps
+// ahead.
+auto site_of(std::span<const SurfaceRecord> records) {
+  return [records](std::uint32_t i, std::uint32_t soon) {
+    const char* next = reinterpret_cast<const char*>(&records[soon]);
+    __builtin_prefetch(next);
+    __builtin_prefetch(next + 64);
+    return make_site(records[i], i);
+  };
+}
+
 // Makes the first `count` of `boxes` the children of `node`; returns what they span.
 template <typename Node>
 Bounds fill(Node& node, const Bounds* boxes, std::size_t count) {
@@ -141,30 +181,32 @@ RecordIndex::RecordIndex(std::span<const SurfaceRecord> records, std::size_t beg
   }
   if (all.first == 0) return;
 
-  // One scale for all axes, so that cells of the curve are cubes.
-  double extent = 0;
-  for (int a = 0; a < 3; ++a) extent = std::max(extent, double(all.high[a]) - all.low[a]);
-  const double scale = extent > 0 ? ((1 << kBitsPerAxis) - 1) / extent : 0;
   std::vector<Placed> placed(all.first);
+  const Curve curve(all.low, all.high);
   parallel_for(0, pieces.size(), 1, [&](std::size_t k) {
     std::size_t to = pieces[k].first;
-    for (const std::uint32_t i : pieces[k].sound) {
-      std::array<std::uint32_t, 3> cell;
-      for (std::size_t a = 0; a < 3; ++a)
-        cell[a] =
-            static_cast<std::uint32_t>((double(records[i].position[a]) - all.low[a]) * scale);
-      placed[to++] = {hilbert_index(cell, kBitsPerAxis), i};
-    }
+    for (const std::uint32_t i : pieces[k].sound) placed[to++] = {curve(records[i].position), i};
   });
-  radix_sort(placed);
-  std::vector<std::uint32_t> order(placed.size());
-  for (std::size_t i = 0; i < placed.size(); ++i) order[i] = placed[i].record;
-  build(records, order);
+  build(along_curve(placed), site_of(records));
+}
+
+RecordIndex::RecordIndex(std::vector<RecordSite> sites) {
+  if (sites.empty()) return;
+  float low[3] = {kFar, kFar, kFar}, high[3] = {-kFar, -kFar, -kFar};
+  for (const RecordSite& site : sites)
+    for (int a = 0; a < 3; ++a) {
+      low[a] = std::min(low[a], site.position[a]);
+      high[a] = std::max(high[a], site.position[a]);
+    }
+  std::vector<Placed> placed(sites.size());
+  const Curve curve(low, high);
+  for (std::uint32_t i = 0; i < sites.size(); ++i) placed[i] = {curve(sites[i].position), i};
+  build(along_curve(placed), [&](std::uint32_t i, std::uint32_t) { return sites[i]; });
 }
 
 RecordIndex::RecordIndex(std::span<const SurfaceRecord> records,
                          std::span<const std::uint32_t> curve_order) {
-  if (!curve_order.empty()) build(records, curve_order);
+  if (!curve_order.empty()) build(curve_order, site_of(records));
 }
 
 std::vector<std::uint32_t> RecordIndex::curve_order() const {
@@ -173,8 +215,8 @@ std::vector<std::uint32_t> RecordIndex::curve_order() const {
   return order;
 }
 
-void RecordIndex::build(std::span<const SurfaceRecord> records,
-                        std::span<const std::uint32_t> order) {
+template <typename MakeSite>
+void RecordIndex::build(std::span<const std::uint32_t> order, MakeSite&& make_site) {
   size_ = order.size();
   sites_ = make_in_large_pages<RecordSite>(size_);
   std::size_t nodes = 0;
@@ -191,12 +233,7 @@ void RecordIndex::build(std::span<const SurfaceRecord> records,
     std::array<Bounds, kWidth> boxes;
     boxes.fill(kNothing);
     for (std::size_t k = i * kWidth; k < end; ++k) {
-      // The curve's order is not the records': ask for those of a few steps ahead.
-      const char* next =
-          reinterpret_cast<const char*>(&records[order[std::min(k + 12, size_ - 1)]]);
-      __builtin_prefetch(next);
-      __builtin_prefetch(next + 64);
-      sites_[k] = make_site(records[order[k]], order[k]);
+      sites_[k] = make_site(order[k], order[std::min(k + 12, size_ - 1)]);
       boxes[k % kWidth] = support_bounds(sites_[k]);
     }
     below[i] = fill(nodes_[i], boxes.data(), kWidth);

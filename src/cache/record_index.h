@@ -33,6 +33,8 @@ class RecordIndex {
   // Of records [begin, end) of `records`; those with a fault are left out. Same tree for any number of
   // threads.
   RecordIndex(std::span<const SurfaceRecord> records, std::size_t begin, std::size_t end);
+  // The same of sites that are made already; radius[0] of a round one is that of its sphere.
+  explicit RecordIndex(std::vector<RecordSite> sites);
   // `curve_order` must be such an index's own, of the same records: each of them once.
   RecordIndex(std::span<const SurfaceRecord> records, std::span<const std::uint32_t> curve_order);
 
@@ -53,7 +55,8 @@ class RecordIndex {
     float min[3][kWidth], max[3][kWidth];
     float least_radius[kWidth];
   };
-  void build(std::span<const SurfaceRecord> records, std::span<const std::uint32_t> order);
+  template <typename MakeSite>
+  void build(std::span<const std::uint32_t> order, MakeSite&& make_site);
   // Bit i: `p` lies in child i's box, grown.
   static unsigned children_at(const Node& node, const float* p, float min_radius);
 

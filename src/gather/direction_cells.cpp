@@ -15,22 +15,38 @@ constexpr double kLattice1 = 0.7548776662466927, kLattice2 = 0.5698402909980532;
 Vec3d spherical(double s, double phi, double c) {
   return {s * std::cos(phi), s * std::sin(phi), c};
 }
-double cosine(double s2) { return std::sqrt(std::max(0.0, 1 - s2)); }
 double fraction(double x) { return x - std::floor(x); }
 
-// Cells of the ring that begins at sin theta = s, where each has area/pi of the unit disk's.
-int cells_of_ring(double s, double area) {
+}  // namespace
+
+// sin^2 theta or (1 - cos theta) / 2.
+DirectionCells::Latitude DirectionCells::latitude(double part) const {
+  if (domain_ == DirectionDomain::Hemisphere)
+    return {std::sqrt(part), std::sqrt(std::max(0.0, 1 - part))};
+  const double cosine = 1 - 2 * part;
+  return {std::sqrt(std::max(0.0, 1 - cosine * cosine)), cosine};
+}
+
+// Cells of the ring that begins at that part of all, where each has 1/count of it.
+int DirectionCells::cells_of_ring(double begin, int count) const {
+  if (domain_ == DirectionDomain::Sphere) {
+    // A square of as much solid angle, on the sphere.
+    const double height = std::sqrt(4 * kPi / count);
+    const double theta = std::min(kPi, std::acos(1 - 2 * begin) + height / 2);
+    return std::max(kCellsAtTheNormal,
+                    static_cast<int>(std::lround(2 * kPi * std::sin(theta) / height)));
+  }
+  const double s = std::sqrt(begin), area = kPi / count;
   const double height = std::sqrt(area / std::max(1.0, kWideness * s * s));
   return std::max(kCellsAtTheNormal,
                   static_cast<int>(std::lround(2 * kPi * (s + height / 2) * height / area)));
 }
 
-}  // namespace
-
-DirectionCells::DirectionCells(int count) {
+DirectionCells::DirectionCells(int count, DirectionDomain domain) : domain_(domain) {
+  if (domain == DirectionDomain::Sphere) count = std::max(count, 2 * kCellsAtTheNormal);
   for (int done = 0; done < count;) {
     const double begin = double(done) / count;
-    int in_ring = cells_of_ring(std::sqrt(begin), kPi / count);
+    int in_ring = cells_of_ring(begin, count);
     // What would be left for a ring of its own is better off in this one.
     if (2 * (count - done) < 3 * in_ring) in_ring = count - done;
     rings_.push_back({done, in_ring, begin, double(done + in_ring) / count});
@@ -47,33 +63,44 @@ DirectionCells::DirectionCells(int count) {
 
 void DirectionCells::add_cells() {
   for (const Ring& ring : rings_) {
-    const double s0 = std::sqrt(ring.s2_begin), s1 = std::sqrt(ring.s2_end);
-    const double c0 = cosine(ring.s2_begin), c1 = cosine(ring.s2_end);
+    const auto [s0, c0] = latitude(ring.begin);
+    const auto [s1, c1] = latitude(ring.end);
     const double dphi = 2 * kPi / ring.count, chord = 2 * std::sin(dphi / 2);
     const double turn = (std::atan2(s1, c1) - s1 * c1) - (std::atan2(s0, c0) - s0 * c0);
     for (int k = 0; k < ring.count; ++k) {
       const double centre = (k + 0.5) * dphi;
       DirectionCell cell;
-      cell.measure = dphi / 2 * (ring.s2_end - ring.s2_begin);
-      cell.direction = spherical(chord * (s1 * s1 * s1 - s0 * s0 * s0) / 3, centre,
-                                 dphi * (c0 * c0 * c0 - c1 * c1 * c1) / 3);
-      cell.rotation = spherical(chord / 2 * turn, centre + kPi / 2, 0);  // n x u.
+      cell.measure = measure() * (ring.end - ring.begin) / ring.count;
+      if (domain_ == DirectionDomain::Sphere) {
+        cell.direction =
+            spherical(chord / 2 * turn, centre, dphi / 2 * (s1 * s1 - s0 * s0));
+      } else {
+        cell.direction = spherical(chord * (s1 * s1 * s1 - s0 * s0 * s0) / 3, centre,
+                                   dphi * (c0 * c0 * c0 - c1 * c1 * c1) / 3);
+        cell.rotation = spherical(chord / 2 * turn, centre + kPi / 2, 0);  // n x u.
+      }
       cells_.push_back(cell);
     }
   }
 }
 
 void DirectionCells::add_walls_within(const Ring& ring) {
-  const double height = std::sqrt(ring.s2_end) - std::sqrt(ring.s2_begin);
-  const double middle = 0.5 * (ring.s2_begin + ring.s2_end), dphi = 2 * kPi / ring.count;
+  const auto [s0, c0] = latitude(ring.begin);
+  const auto [s1, c1] = latitude(ring.end);
+  const auto middle = latitude(0.5 * (ring.begin + ring.end));
+  const double height = domain_ == DirectionDomain::Sphere
+                            ? std::atan2(s1, c1) - std::atan2(s0, c0)
+                            : s1 - s0;
+  const double dphi = 2 * kPi / ring.count;
   for (int k = 0; k < ring.count; ++k)
     walls_.push_back({ring.first + (k + ring.count - 1) % ring.count, ring.first + k, 0, 0,
                       spherical(height, k * dphi + kPi / 2, 0),
-                      spherical(std::sqrt(middle), k * dphi, cosine(middle))});
+                      spherical(middle.sine, k * dphi, middle.cosine)});
 }
 
 void DirectionCells::add_walls_between(const Ring& inner, const Ring& outer) {
-  const double s = std::sqrt(outer.s2_begin), c = cosine(outer.s2_begin);
+  const auto [s, c] = latitude(outer.begin);
+  const double weight = domain_ == DirectionDomain::Sphere ? 1 : c;
   double begin = 0;
   for (std::int64_t i = 0, o = 0; i < inner.count && o < outer.count;) {
     // Compared as integers: where both rings are cut, both move on.
@@ -82,7 +109,7 @@ void DirectionCells::add_walls_between(const Ring& inner, const Ring& outer) {
                                               : 2 * kPi * double(o + 1) / outer.count;
     const double centre = 0.5 * (begin + end), dphi = end - begin;
     walls_.push_back({inner.first + static_cast<int>(i), outer.first + static_cast<int>(o), 0, 0,
-                      spherical(2 * std::sin(dphi / 2) * s * c * c, centre, -dphi * s * s * c),
+                      spherical(2 * std::sin(dphi / 2) * s * c * weight, centre, -dphi * s * s * weight),
                       spherical(s, centre, c)});
     begin = end;
     i += inner_end <= outer_end;
@@ -113,8 +140,8 @@ Vec3d DirectionCells::direction(int c, const Vec2d& shift) const {
   const int column = c - ring.first;
   const double up = fraction(shift.x + row * kLattice1 + column * kLattice2);
   const double along = fraction(shift.y + row * kLattice2 + column * kLattice1);
-  const double s2 = ring.s2_begin + (ring.s2_end - ring.s2_begin) * up;
-  return spherical(std::sqrt(s2), (column + along) * (2 * kPi / ring.count), cosine(s2));
+  const auto [s, c] = latitude(ring.begin + (ring.end - ring.begin) * up);
+  return spherical(s, (column + along) * (2 * kPi / ring.count), c);
 }
 
 }  // namespace brume

@@ -87,5 +87,49 @@ TEST_P(Cells, AreEnclosedByTheirWalls) {
 
 INSTANTIATE_TEST_SUITE_P(OfEveryNumber, Cells, testing::Values(1, 2, 7, 100, 800, 3232));
 
+class SphereCells : public testing::TestWithParam<int> {};
+
+TEST_P(SphereCells, FillTheSphere) {
+  const DirectionCells cells(GetParam(), DirectionDomain::Sphere);
+  ASSERT_EQ(cells.count(), std::max(6, GetParam()));
+  double measure = 0;
+  Vec3d direction(0.0);
+  for (int c = 0; c < cells.count(); ++c) {
+    EXPECT_NEAR(cells.cell(c).measure, 4 * kPi / cells.count(), 1e-12);
+    measure += cells.cell(c).measure;
+    direction += cells.cell(c).direction;
+  }
+  EXPECT_NEAR(measure, cells.measure(), 1e-12);
+  EXPECT_NEAR(direction.length(), 0, 1e-12);
+}
+
+TEST_P(SphereCells, HaveTheMomentsOfTheirDirections) {
+  const DirectionCells cells(GetParam(), DirectionDomain::Sphere);
+  constexpr int kSide = 128;
+  for (int c = 0; c < cells.count(); c += std::max(1, cells.count() / 7)) {
+    Vec3d direction(0.0);
+    for (int i = 0; i < kSide * kSide; ++i)
+      direction += cells.direction(c, {(i % kSide + 0.5) / kSide, (i / kSide + 0.5) / kSide}) *
+                   (cells.cell(c).measure / (kSide * kSide));
+    EXPECT_NEAR((direction - cells.cell(c).direction).length(), 0, 2e-2 * cells.cell(c).measure)
+        << "cell " << c;
+  }
+}
+
+// Moments are int (outward normal) dl, so around a cell they sum to -2 int w dw.
+TEST_P(SphereCells, AreEnclosedByTheirWalls) {
+  const DirectionCells cells(GetParam(), DirectionDomain::Sphere);
+  std::vector<Vec3d> around(cells.count(), Vec3d(0.0));
+  for (const CellWall& wall : cells.walls()) {
+    around[wall.low] += wall.moment;
+    around[wall.high] -= wall.moment;
+    EXPECT_NEAR(wall.middle.length(), 1, 1e-12);
+  }
+  for (int c = 0; c < cells.count(); ++c)
+    EXPECT_NEAR((around[c] + cells.cell(c).direction * 2).length(), 0, 1e-12) << "cell " << c;
+}
+
+INSTANTIATE_TEST_SUITE_P(Counts, SphereCells, testing::Values(1, 6, 50, 200, 800, 3232));
+
 }  // namespace
 }  // namespace brume
