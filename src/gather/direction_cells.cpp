@@ -140,8 +140,8 @@ Vec3d DirectionCells::direction(int c, const Vec2d& shift) const {
   const int column = c - ring.first;
   const double up = fraction(shift.x + row * kLattice1 + column * kLattice2);
   const double along = fraction(shift.y + row * kLattice2 + column * kLattice1);
-  const auto [s, c] = latitude(ring.begin + (ring.end - ring.begin) * up);
-  return spherical(s, (column + along) * (2 * kPi / ring.count), c);
+  const Latitude at = latitude(ring.begin + (ring.end - ring.begin) * up);
+  return spherical(at.sine, (column + along) * (2 * kPi / ring.count), at.cosine);
 }
 
 }  // namespace brume

@@ -36,7 +36,9 @@ struct GatherOptions {
   int cell_count() const { return cells_theta * cells_phi; }
 };
 
-// What gather rays see where they hit a surface.
+class IncidentField;
+
+// What gather rays see that is known before the gather: where they hit a surface, and in the medium.
 struct HitLight {
   // false: surfaces reflect nothing; only "direct": false emitters and the medium send light.
   bool reflect = true;
@@ -44,6 +46,9 @@ struct HitLight {
   const IrradianceCache* cache = nullptr;
   int layer = 0;
   double min_radius = 0;  // Records act as if at least this wide.
+  // What has scattered already and scatters again; null: the medium scatters only light straight
+  // from lights.
+  const IncidentField* scattered = nullptr;
 };
 
 // Where and how to gather. `offset` clears the surface that the point lies on.

@@ -33,6 +33,11 @@ double distance_to_segment(const Ray& ray, const Vec3d& point, double a, double 
 RgbD SourceAtPoint::towards(const Vec3d& direction) const {
   RgbD sum = even_;
   for (const Incident& i : lobes_) sum += i.strength * i.phase.eval(i.travel, direction);
+  if (moments_.empty()) return sum;
+  Harmonics y;
+  evaluate_harmonics(order_, -direction, y);
+  for (std::size_t k = 0; k < moments_.size(); ++k) sum += moments_[k] * y[k + 1];
+  for (int c = 0; c < 3; ++c) sum[c] = std::max(0.0, sum[c]);
   return sum;
 }
 
@@ -87,6 +92,69 @@ void MediumSource::add_scattering(const ShellMarcher& marcher, int shell, const 
   }
 }
 
+void MediumSource::look_along(const Vec3d& w) {
+  constexpr double kStep = 1e-3;
+  const auto& volumes = lighting_.world().medium().volumes();
+  const int order = scattered_->order();
+  weights_.resize(volumes.size());
+  Harmonics at_w;
+  evaluate_harmonics(order, w, at_w);
+  for (std::size_t v = 0; v < volumes.size(); ++v)
+    phase_weights(volumes[v].phase.g(), order, at_w, weights_[v].value);
+  if (!directional_ || order == 0) return;
+  across_ = Frame(w);
+  const auto slope = [&](const Vec3d& e, Harmonics RayWeights::*of) {
+    Harmonics ahead, behind;
+    evaluate_harmonics(order, (w + e * kStep).normalized(), ahead);
+    evaluate_harmonics(order, (w - e * kStep).normalized(), behind);
+    for (int k = 0; k < harmonic_count(order); ++k) ahead[k] = (ahead[k] - behind[k]) / (2 * kStep);
+    for (std::size_t v = 0; v < volumes.size(); ++v)
+      phase_weights(volumes[v].phase.g(), order, ahead, weights_[v].*of);
+  };
+  slope(across_.u, &RayWeights::along_u);
+  slope(across_.v, &RayWeights::along_v);
+}
+
+void MediumSource::add_scattered_again(const ShellMarcher& marcher, int shell, const Ray& ray,
+                                       const RgbD& dimming) {
+  const auto& volumes = lighting_.world().medium().volumes();
+  const std::size_t all = harmonic_count(scattered_->order());
+  for (std::size_t v = 0; v < volumes.size(); ++v) {
+    const Volume& volume = volumes[v];
+    const ShellDensity& density = marcher.shell(static_cast<int>(v), shell);
+    if (!volume.scatters() || !(density.integral > 0)) continue;
+    const Vec3d p = ray.at(density.t_sample);
+    const RgbD strength = dimming * volume.sigma_s_at(p) * density.integral;
+    const bool is_even = volume.phase.is_isotropic();
+    const auto times = [&](const Harmonics& weights) {
+      return scattered_->dot(p, std::span(weights.data(), is_even ? 1 : all));
+    };
+    const RayWeights& w = weights_[v];
+    shells_[shell].scattered += strength * times(w.value);
+    if (!directional_ || is_even || all == 1) continue;
+    // d_w Q with its sign turned, as for light straight from lights.
+    const auto slope = [&](const Harmonics& weights) {
+      return scattered_->dot_signed(p, std::span(weights.data(), all));
+    };
+    shells_[shell].directional -= outer(strength * slope(w.along_u), across_.u) +
+                                  outer(strength * slope(w.along_v), across_.v);
+  }
+}
+
+RgbD MediumSource::scattered_again(const Vec3d& p, const Vec3d& w) const {
+  RgbD sum;
+  if (!scattered_) return sum;
+  Harmonics at_w, weights;
+  evaluate_harmonics(scattered_->order(), w, at_w);
+  for (const Volume& v : lighting_.world().medium().volumes()) {
+    if (!v.scatters()) continue;
+    phase_weights(v.phase.g(), scattered_->order(), at_w, weights);
+    const std::span all(weights.data(), harmonic_count(scattered_->order()));
+    sum += v.sigma_s_at(p) * v.density_at(p) * scattered_->dot(p, all);
+  }
+  return sum;
+}
+
 const std::vector<ShellLight>& MediumSource::shells(const ShellMarcher& marcher, const Ray& ray,
                                                     std::span<const double> boundaries,
                                                     double t_end, std::span<const double> jitter,
@@ -95,6 +163,7 @@ const std::vector<ShellLight>& MediumSource::shells(const ShellMarcher& marcher,
   const int n = marcher.shell_count();
   shells_.assign(n, ShellLight());
   pending_.clear();
+  if (scattered_) look_along(ray.direction);
   for (int i = 0; i < n; ++i) {
     const double a = boundaries[i], b = std::min(boundaries[i + 1], t_end);
     const RgbD tau = marcher.tau(i), depth = marcher.tau(i + 1) - tau;
@@ -103,6 +172,7 @@ const std::vector<ShellLight>& MediumSource::shells(const ShellMarcher& marcher,
                               one_minus_exp_over(depth.b)) *
                          exp_neg(tau);
     if (effects_.scattering) add_scattering(marcher, i, ray, a, b, jitter[i], dimming, random);
+    if (scattered_) add_scattered_again(marcher, i, ray, dimming);
     for (std::size_t v = 0; v < volumes.size(); ++v) {
       const Volume& volume = volumes[v];
       const ShellDensity& density = marcher.shell(static_cast<int>(v), i);
@@ -167,6 +237,24 @@ SourceAtPoint MediumSource::source_at(const Vec3d& p, int samples, RandomStream&
   const World& world = lighting_.world();
   SourceAtPoint source;
   source.even_ = emission_at(p);
+  if (scattered_) {
+    const int all = harmonic_count(scattered_->order());
+    source.order_ = scattered_->order();
+    source.moments_.assign(all - 1, RgbD());
+    for (const Volume& v : world.medium().volumes()) {
+      if (!v.scatters()) continue;
+      const RgbD strength = v.sigma_s_at(p) * v.density_at(p);
+      double factor = 0.25 * kInvPi;
+      for (int l = 0, k = 0; l <= source.order_; ++l, factor *= v.phase.g())
+        for (; k < (l + 1) * (l + 1); ++k) {
+          const RgbD moment = strength * scattered_->moment(p, k) * factor;
+          if (k == 0)
+            source.even_ += moment;
+          else
+            source.moments_[k - 1] += moment;
+        }
+    }
+  }
   if (!effects_.scattering) return source;
   for (std::size_t l = 0; l < world.lights().size(); ++l) {
     const Light& light = *world.lights()[l];

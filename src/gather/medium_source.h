@@ -1,10 +1,11 @@
 // What the medium sends towards a point from one stretch of a ray: light scattered straight from lights,
-// and the medium's own glow.
+// light that has scattered before, and the medium's own glow.
 #pragma once
 
 #include <vector>
 
 #include "core/random.h"
+#include "gather/incident_field.h"
 #include "gather/lighting.h"
 #include "plan/effects.h"
 #include "vdb_media/ray_marcher.h"
@@ -35,6 +36,9 @@ class SourceAtPoint {
   };
   RgbD even_;  // Emission and what scatters isotropically.
   std::vector<Incident> lobes_;
+  // Of what has scattered before, what anisotropic volumes scatter, by moment from the second on.
+  std::vector<RgbD> moments_;
+  int order_ = 0;
 };
 
 // Source terms along a marched ray. Scratch memory of one thread.
@@ -42,6 +46,9 @@ class MediumSource {
  public:
   // Without `directional` its terms are left at 0, and cost nothing.
   MediumSource(const Lighting& lighting, const Effects& effects, bool directional = false);
+
+  // What has scattered already, from now on; null: nothing. It must outlive its use.
+  void use_scattered(const IncidentField* scattered) { scattered_ = scattered; }
 
   // Light from each shell of `marcher`, which has just marched `ray` through `boundaries` up to t_end.
   // `random` gives area lights their points; visibility is traced in packets.
@@ -58,6 +65,8 @@ class MediumSource {
   RgbD unshadowed(const Vec3d& p, const Vec3d& w, int light, const Vec2d& u,
                   Counters& counters) const;
   RgbD emission_at(const Vec3d& p) const;
+  // What has scattered before and leaves p towards a receiver that looks along w.
+  RgbD scattered_again(const Vec3d& p, const Vec3d& w) const;
 
  private:
   struct Pending {
@@ -69,9 +78,21 @@ class MediumSource {
   void add_scattering(const ShellMarcher& marcher, int shell, const Ray& ray, double a, double b,
                       double jitter, const RgbD& dimming, RandomStream& random);
 
+  // Weights of moments for one ray, by volume: of the value, and of its derivatives along two axes
+  // across the ray.
+  struct RayWeights {
+    Harmonics value, along_u, along_v;
+  };
+  void look_along(const Vec3d& w);
+  void add_scattered_again(const ShellMarcher& marcher, int shell, const Ray& ray,
+                           const RgbD& dimming);
+
   const Lighting& lighting_;
   Effects effects_;
   bool directional_;
+  const IncidentField* scattered_ = nullptr;
+  std::vector<RayWeights> weights_;  // By volume.
+  Frame across_{Vec3d(0.0, 0.0, 1.0)};
   std::vector<ShellLight> shells_;
   std::vector<Pending> pending_;
   std::vector<double> chances_;  // Running sums over volumes, for choosing one.

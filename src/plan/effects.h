@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -15,6 +16,7 @@ struct Effects {
   bool medium = false;         // Anything to march: else march counters stay 0.
   bool heterogeneous = false;  // Any grid.
   bool scattering = false;     // Light scatters in the medium: else no light visibility is traced there.
+  bool multiple_scattering = false;  // More than once, or after surfaces: else no volume records.
   bool anisotropic = false;    // Some scattering volume has g != 0: the directional gradient term.
   bool emission = false;       // The medium glows.
   bool chromatic = false;      // Extinction differs between channels.
@@ -25,7 +27,10 @@ struct Effects {
   std::vector<std::string> names() const;
 };
 
-// Of a world at these settings; volume_bounces 0 switches scattering off.
+// volume_bounces `auto`: as many as matter.
+inline constexpr int kEveryOrder = std::numeric_limits<int>::max();
+
+// Of a world at these settings; volume_bounces 0 switches scattering off, 1 leaves single scattering.
 Effects plan_effects(const World& world, int bounces, int volume_bounces);
 
 // What was done, by stage; merged from threads at the end.
@@ -35,9 +40,11 @@ struct Counters {
   std::uint64_t medium_shadow_rays = 0;  // From points in the medium.
   std::uint64_t march_rays = 0, segments = 0;
   std::uint64_t light_volume_lookups = 0;
-  std::uint64_t gathers = 0;            // Records computed.
+  std::uint64_t gathers = 0;            // Records computed, of surfaces
+  std::uint64_t volume_gathers = 0;     // and of the medium.
   std::uint64_t fallback_gathers = 0;   // Computed while rendering, where no record answered.
   std::uint64_t cache_queries = 0, cache_clamps = 0, cache_misses = 0;
+  std::uint64_t volume_queries = 0;  // Of volume records.
 
   Counters& operator+=(const Counters& o);
 };

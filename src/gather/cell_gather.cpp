@@ -1,0 +1,293 @@
+#include "gather/cell_gather.h"
+
+namespace brume {
+namespace {
+
+// Shells grow from kNearness / (1 + kNearness) of the farthest one's thickness where the point lies
+// inside the medium; infinite would be even ones.
+constexpr double kNearness = 0.3;
+constexpr int kSourceSamples =
+    8;  // Of each area light, for the source term at the receiver itself.
+
+Vec3d perpendicular(const Vec3d& v, const Vec3d& w) { return v - w * v.dot(w); }
+RgbGradient perpendicular(const RgbGradient& g, const Vec3d& w) {
+  return {perpendicular(g.r, w), perpendicular(g.g, w), perpendicular(g.b, w)};
+}
+
+}  // namespace
+
+CellGather::CellGather(const Lighting& lighting, const Effects& effects,
+                       const GatherOptions& options, DirectionDomain domain)
+    : lighting_(lighting),
+      world_(lighting.world()),
+      effects_(effects),
+      options_(options),
+      marcher_(world_.medium(), march_options()),
+      surfaces_(lighting, is_full()),
+      medium_(lighting, effects, is_full()),
+      cells_(options.cell_count(), domain) {
+  const auto& volumes = world_.medium().volumes();
+  for (std::size_t v = 0; v < volumes.size(); ++v)
+    if (!volumes[v].is_homogeneous()) bends_.push_back({static_cast<int>(v), {}});
+}
+
+MarchOptions CellGather::march_options() const {
+  MarchOptions m = lighting_.march();
+  if (options_.step_voxels > 0) m.step_voxels = options_.step_voxels;
+  return m;
+}
+
+void CellGather::gather(const Vec3d& origin, const Frame& base, std::uint64_t key,
+                        const HitLight& light, Counters& counters) {
+  key_ = key;
+  origin_ = origin;
+  scattered_ = light.scattered;
+  medium_.use_scattered(scattered_);
+  RandomStream turn = stream(-1, 0);
+  frame_ = base.turned(2 * kPi * turn.uniform());
+  const Vec2d shift = turn.uniform2();
+  const int n = cells_.count();
+  cell_.assign(n, Cell());
+  light_.assign(n, CellLight());
+  for (int c = 0; c < n; ++c)
+    cell_[c].w = frame_.to_world(cells_.direction(c, shift)).normalized();
+  trace(light, counters);
+  find_walls();
+  boundaries_.clear();
+  if (effects_.medium) choose_shells();
+  sigma_here_ = effects_.medium ? world_.medium().sigma_t_at(origin_) : RgbD();
+  for (int c = 0; c < n; ++c) {
+    if (boundaries_.empty())
+      add_surface(c);
+    else
+      march_cell(c, counters);
+  }
+}
+
+// Pass 1: what each cell sees, and what surfaces send along it.
+void CellGather::trace(const HitLight& light, Counters& counters) {
+  const int n = cells_.count();
+  rays_.resize(n);
+  hits_.resize(n);
+  for (int c = 0; c < n; ++c) rays_[c] = ray_of(cell_[c]);
+  world_.tracer().intersect(rays_, hits_);
+  counters.rays += n;
+
+  surfaces_.begin(n);
+  for (int c = 0; c < n; ++c) {
+    const Hit& hit = hits_[c];
+    if (!hit.is_hit()) continue;
+    cell_[c].s = hit.t;
+    const double height = hit.normal.dot(cell_[c].w) * hit.t;
+    if (height != 0) cell_[c].q = hit.normal / height;
+    RandomStream random = stream(c, 1);
+    surfaces_.add(c, hit, cell_[c].w, light, random, counters);
+  }
+  surfaces_.finish(counters);
+}
+
+// 1/r at a wall between two cells: the nearer of their hit planes, extended to the wall's direction
+// (gradients.md 4), and no nearer than half the nearer hit.
+double CellGather::inverse_wall_distance(const Cell& a, const Cell& b, const Vec3d& wall) {
+  const double nearest = std::min(a.s, b.s);
+  if (!(nearest < kInfinity)) return 0;
+  const double inverse = std::max(a.q.dot(wall), b.q.dot(wall));
+  return std::clamp(inverse, 0.0, 2 / nearest);
+}
+
+void CellGather::find_walls() {
+  inverse_r_.assign(cells_.side_count(), 0);
+  phi_.assign(cells_.side_count(), RgbD());
+  if (options_.gradient == GradientMode::None) return;
+  for (const CellWall& wall : cells_.walls())
+    inverse_r_[wall.low_side] = inverse_r_[wall.high_side] =
+        inverse_wall_distance(cell_[wall.low], cell_[wall.high], frame_.to_world(wall.middle));
+}
+
+// Boundaries common to all cells (gradients.md 5), over the part of the medium that rays can reach.
+void CellGather::choose_shells() {
+  boundaries_.clear();
+  double farthest = 0;
+  for (const Cell& c : cell_) farthest = std::max(farthest, c.s);
+  const Box3d& box = world_.medium().bounds();
+  double begin = 0, end = farthest;
+  if (!world_.medium().is_unbounded()) {
+    Vec3d nearest = origin_, far = origin_;
+    for (int a = 0; a < 3; ++a) {
+      nearest[a] = std::clamp(origin_[a], box.min[a], box.max[a]);
+      far[a] = origin_[a] - box.min[a] > box.max[a] - origin_[a] ? box.min[a] : box.max[a];
+    }
+    begin = (nearest - origin_).length();
+    end = std::min(end, (far - origin_).length());
+  } else if (!(end < kInfinity)) {
+    // Nothing ends the medium: what lies past 50 mean free paths does not arrive.
+    const double sigma = max_component(world_.medium().sigma_t_at(origin_));
+    end = sigma > 0 ? 50 / sigma : world_.diagonal();
+  }
+  if (!(begin < end)) return;
+  int count = options_.shells;
+  if (count == 0) {
+    const double voxels = (end - begin) / world_.medium().voxel_size();
+    count = std::clamp(static_cast<int>(voxels / 2), 24, GatherOptions::kMaxAutomaticShells);
+  }
+  // Even steps of log(t + t0): near ones are thin, because an edge of a light shaft that lies
+  // inside one is taken for its centre, and that matters as 1/t.
+  const double t0 = kNearness * (end - begin), growth = std::log((end + t0) / (begin + t0));
+  for (int i = 0; i < count; ++i)
+    boundaries_.push_back(std::max(begin, (begin + t0) * std::exp(growth * i / count) - t0));
+  boundaries_.push_back(end);
+  jitter_.resize(count);
+  shell_shift_.resize(count);
+  RandomStream random = stream(-1, 2);
+  for (double& shift : shell_shift_) shift = random.uniform();
+}
+
+// Where a cell looks in its shells: each shell by itself evenly, cells one after the other a golden
+// section apart, so that few of them see much of a shell.
+void CellGather::draw_jitter(int c) {
+  for (std::size_t i = 0; i < jitter_.size(); ++i) {
+    const double u = shell_shift_[i] + c * (std::numbers::phi - 1);
+    jitter_[i] = u - std::floor(u);
+  }
+}
+
+// Pass 2 for one cell: march it, and add what its shells send.
+void CellGather::march_cell(int c, Counters& counters) {
+  const Ray ray = ray_of(cell_[c]);
+  const DirectionCell& around = cells_.cell(c);
+  CellLight& light = light_[c];
+  RandomStream random = stream(c, 2);
+  draw_jitter(c);
+  MarchCounters march;
+  marcher_.march(ray, boundaries_, cell_[c].s, jitter_, is_full() && effects_.heterogeneous, march);
+  counters.march_rays += march.rays;
+  counters.segments += march.segments;
+  const int n = marcher_.shell_count();
+  const RgbD reaching = exp_neg(marcher_.tau(n));
+  light.surface = surfaces_.radiance(c) * reaching;
+
+  shell_sums_.begin(n);
+  RgbGradient directional;
+  if (has_source() || effects_.emission) {
+    const auto& shells =
+        medium_.shells(marcher_, ray, boundaries_, cell_[c].s, jitter_, random, counters);
+    for (int i = 0; i < n; ++i) {
+      const RgbD f = shells[i].total();
+      const double inverse_t = 2 / (boundaries_[i] + std::min(boundaries_[i + 1], cell_[c].s));
+      shell_sums_.add(f, inverse_t);
+      if (!is_full() || is_black(f)) continue;
+      for (Bend& bend : bends_)
+        bend.add(f * 0.5, bend_integral(bend.volume, i, inverse_t) +
+                              bend_integral(bend.volume, i + 1, inverse_t));
+      if (effects_.anisotropic) directional += shells[i].directional * inverse_t;
+    }
+    light.media = shell_sums_.light();
+    light.over_distance = luminance(shell_sums_.light_over_distance());
+  }
+  if (!is_black(light.surface)) light.over_distance += luminance(light.surface) / cell_[c].s;
+  if (!is_full() || is_black(light.total())) return;
+  for (int side = around.first_side; side < around.end_side; ++side)
+    phi_[side] =
+        shell_sums_.over_distance_up_to(inverse_r_[side]) + light.surface * inverse_r_[side];
+  for (Bend& bend : bends_) {
+    if (!is_black(light.surface))
+      bend.add(light.surface, bend_integral(bend.volume, n, 1 / cell_[c].s));
+    light.grad_sigma -=
+        perpendicular(bend.in_world(world_.medium().volumes()[bend.volume]), cell_[c].w);
+    bend.sum = {};
+  }
+  if (surfaces_.has_derivatives()) {
+    RgbGradient d = surfaces_.direction_derivative(c);
+    for (int ch = 0; ch < 3; ++ch) d[ch] *= reaching[ch] / cell_[c].s;
+    directional -= d;
+  }
+  if (effects_.anisotropic || surfaces_.has_derivatives())
+    light.directional = perpendicular(directional, cell_[c].w);
+}
+
+// I0 - I1/t of a volume's density up to where `shell` begins, for a ray that ends at t.
+Vec3d CellGather::bend_integral(int volume, int shell, double inverse_t) const {
+  return marcher_.grad_integral(volume, shell) - marcher_.grad_moment(volume, shell) * inverse_t;
+}
+
+// The same for a cell without medium.
+void CellGather::add_surface(int c) {
+  CellLight& light = light_[c];
+  light.surface = surfaces_.radiance(c);
+  if (is_black(light.surface)) return;
+  light.over_distance = luminance(light.surface) / cell_[c].s;
+  if (!is_full()) return;
+  const DirectionCell& around = cells_.cell(c);
+  for (int side = around.first_side; side < around.end_side; ++side)
+    phi_[side] = light.surface * inverse_r_[side];
+  if (surfaces_.has_derivatives())
+    light.directional -=
+        perpendicular(surfaces_.direction_derivative(c), cell_[c].w) * (1 / cell_[c].s);
+}
+
+void CellGather::look_here(Counters& counters) {
+  RandomStream random = stream(-1, 1);
+  here_ = medium_.source_at(origin_, kSourceSamples, random, counters);
+}
+
+void CellGather::use_surface_distances() {
+  for (int c = 0; c < cells_.count(); ++c) {
+    const DirectionCell& around = cells_.cell(c);
+    for (int side = around.first_side; side < around.end_side; ++side)
+      phi_[side] = light_[c].total() * inverse_r_[side];
+  }
+}
+
+RgbGradient CellGather::moving_medium(int c, Counters& counters) {
+  const double h = 0.25 * std::min(world_.medium().voxel_size(), 4e-3 * world_.diagonal());
+  const auto& volumes = world_.medium().volumes();
+  const Ray ray = ray_of(cell_[c]);
+  RandomStream random = stream(c, 2);
+  draw_jitter(c);
+  MarchCounters march;
+  marcher_.march(ray, boundaries_, cell_[c].s, jitter_, true, march);
+  const int n = marcher_.shell_count();
+  const auto shells =
+      medium_.shells(marcher_, ray, boundaries_, cell_[c].s, jitter_, random, counters);
+  const auto i0 = [&](int shell) {
+    RgbGradient b;
+    for (const Bend& bend : bends_)
+      b += Bend{bend.volume, outer(RgbD(1), marcher_.grad_integral(bend.volume, shell))}.in_world(
+          volumes[bend.volume]);
+    return b;
+  };
+  RgbGradient d;
+  for (int i = 0; i < n; ++i) {
+    const double a = boundaries_[i], b = std::min(boundaries_[i + 1], cell_[c].s);
+    const RgbD f = shells[i].total();
+    const RgbGradient bend = (i0(i) + i0(i + 1)) * 0.5;
+    for (int ch = 0; ch < 3; ++ch) d[ch] -= bend[ch] * f[ch];
+    const Vec3d p = ray.at(a + jitter_[i] * (b - a));
+    const RgbD weight = exp_neg((marcher_.tau(i) + marcher_.tau(i + 1)) * 0.5) * (b - a);
+    const auto add_gradient = [&](auto&& q) {
+      for (int axis = 0; axis < 3; ++axis) {
+        Vec3d e(0.0);
+        e[axis] = h;
+        const RgbD slope = (q(p + e) - q(p - e)) / (2 * h) * weight;
+        for (int ch = 0; ch < 3; ++ch) d[ch][axis] += slope[ch];
+      }
+    };
+    if (effects_.emission) add_gradient([&](const Vec3d& y) { return medium_.emission_at(y); });
+    if (scattered_)
+      add_gradient([&](const Vec3d& y) { return medium_.scattered_again(y, cell_[c].w); });
+    if (!effects_.scattering) continue;
+    for (std::size_t l = 0; l < world_.lights().size(); ++l) {
+      const Vec2d u = random.uniform2();
+      if (world_.tracer().is_occluded(shadow_ray(p, world_.lights()[l]->sample(p, u)))) continue;
+      add_gradient([&](const Vec3d& y) {
+        return medium_.unshadowed(y, cell_[c].w, static_cast<int>(l), u, counters);
+      });
+    }
+  }
+  const RgbD from_surface = surfaces_.radiance(c) * exp_neg(marcher_.tau(n));
+  const RgbGradient bend = i0(n);
+  for (int ch = 0; ch < 3; ++ch) d[ch] -= bend[ch] * from_surface[ch];
+  return d;
+}
+
+}  // namespace brume

@@ -1,0 +1,111 @@
+// What the cells around a point see: one stratified gather, before it is summed into irradiance or
+// into moments of what arrives in the medium. Private to gather/.
+//
+// The terms of the gradient are those of form F, cell by cell and wall by wall (gradients.md 3), so
+// that either sum may weight them by direction.
+#pragma once
+
+#include <vector>
+
+#include "core/random.h"
+#include "gather/direction_cells.h"
+#include "gather/gather.h"
+#include "gather/medium_source.h"
+#include "gather/shell_sums.h"
+#include "gather/surface_light.h"
+#include "vdb_media/ray_marcher.h"
+
+namespace brume {
+
+// Radiance that arrives along one cell's direction.
+struct CellLight {
+  RgbD surface, media;
+  double over_distance = 0;  // Luminance of light times 1/t of where it comes from.
+  // T3 and T4 of gradients.md 3 without the cell's measure; with mode Full only.
+  RgbGradient grad_sigma, directional;
+  RgbD total() const { return surface + media; }
+};
+
+// Scratch memory of one thread. The World and Lighting must outlive it.
+class CellGather {
+ public:
+  CellGather(const Lighting& lighting, const Effects& effects, const GatherOptions& options,
+             DirectionDomain domain);
+
+  // `base` is turned about its normal at random. A pure function of the world, options and
+  // arguments.
+  void gather(const Vec3d& origin, const Frame& base, std::uint64_t key, const HitLight& light,
+              Counters& counters);
+
+  // What follows belongs to the last gather().
+  const DirectionCells& cells() const { return cells_; }
+  const Frame& frame() const { return frame_; }
+  Vec3d direction(int c) const { return cell_[c].w; }
+  double hit_distance(int c) const { return cell_[c].s; }  // Infinite for a miss.
+  const CellLight& light(int c) const { return light_[c]; }
+  int shell_count() const { return boundaries_.empty() ? 0 : static_cast<int>(boundaries_.size()) - 1; }
+  bool has_radial_term() const { return !boundaries_.empty() && (!is_black(sigma_here_) || effects_.emission); }
+  // sigma L - Q of T1 for a cell, once look_here() has found what the medium sends from the point
+  // itself.
+  void look_here(Counters& counters);
+  RgbD radial(int c) const { return sigma_here_ * light_[c].total() - here_.towards(-cell_[c].w); }
+  // Phi of the wall's high side less that of its low side.
+  RgbD across(const CellWall& wall) const { return phi_[wall.high_side] - phi_[wall.low_side]; }
+  // Makes across() what [WH92] takes: all of a cell's light comes from its surface.
+  void use_surface_distances();
+  // How a cell's light changes with a medium that moves with the point and that nothing occludes:
+  // the integral of Tr (grad Q - Q I0) - f_s I0. The comparison that [JZJ08] improves on.
+  RgbGradient moving_medium(int c, Counters& counters);
+  bool has_moving_medium() const { return !boundaries_.empty() && (effects_.heterogeneous || has_source()); }
+
+ private:
+  // What pass 1 knows of a cell: the direction, what it hit, and that hit's plane.
+  struct Cell {
+    Vec3d w{0.0};  // World space.
+    double s = kInfinity;
+    Vec3d q{0.0};  // Along any direction d the hit plane lies at 1/r = q.d; 0 for a miss.
+  };
+
+  MarchOptions march_options() const;
+  bool has_source() const { return effects_.scattering || scattered_ != nullptr; }
+  bool is_full() const { return options_.gradient == GradientMode::Full; }
+  void trace(const HitLight& light, Counters& counters);
+  void find_walls();
+  static double inverse_wall_distance(const Cell& a, const Cell& b, const Vec3d& wall);
+  void choose_shells();
+  void draw_jitter(int c);
+  void march_cell(int c, Counters& counters);
+  void add_surface(int c);
+  Vec3d bend_integral(int volume, int shell, double inverse_t) const;
+  Ray ray_of(const Cell& seen) const { return {origin_, seen.w}; }
+  RandomStream stream(int of_cell, int use) const {
+    return RandomStream(random_key(key_, of_cell, use));
+  }
+
+  const Lighting& lighting_;
+  const World& world_;
+  Effects effects_;
+  GatherOptions options_;
+  ShellMarcher marcher_;
+  SurfaceLight surfaces_;
+  MediumSource medium_;
+
+  DirectionCells cells_;
+  Frame frame_{Vec3d(0.0, 0.0, 1.0)};
+  Vec3d origin_{0.0};
+  std::uint64_t key_ = 0;
+  const IncidentField* scattered_ = nullptr;
+  RgbD sigma_here_;
+  SourceAtPoint here_;
+  std::vector<Cell> cell_;
+  std::vector<Ray> rays_;
+  std::vector<Hit> hits_;
+  std::vector<CellLight> light_;
+  std::vector<double> inverse_r_;  // 1/r at each side of a wall.
+  std::vector<RgbD> phi_;          // Phi of gradients.md 3, at each side of a wall.
+  std::vector<double> boundaries_, shell_shift_, jitter_;
+  ShellSums shell_sums_;
+  std::vector<Bend> bends_;  // Of volumes that are grids.
+};
+
+}  // namespace brume

@@ -1,0 +1,154 @@
+#include "gather/volume_gather.h"
+
+#include "core/sampling.h"
+#include "gather/cell_gather.h"
+
+namespace brume {
+
+struct VolumeGatherer::Impl {
+  Impl(const Lighting& l, const Effects& effects, const GatherOptions& options, int o)
+      : world(l.world()),
+        mode(options.gradient),
+        order(o),
+        around(l, effects, options, DirectionDomain::Sphere) {}
+
+  VolumeGatherResult gather(const Vec3d& position, std::uint64_t key, const HitLight& light,
+                            Counters& counters);
+  void add_full_terms(Counters& counters);
+  void add_walls(std::vector<GradientTerms>& to) const;
+  std::vector<RgbGradient> gradients(GradientMode of, Counters& counters);
+
+  std::size_t count() const { return harmonic_count(order); }
+  // Of the middle of a cell, where what is not a sample's is weighted.
+  Harmonics at_middle(int c) const {
+    return harmonics(around.frame().to_world(around.cells().cell(c).direction).normalized());
+  }
+  Harmonics harmonics(const Vec3d& w) const {
+    Harmonics y;
+    evaluate_harmonics(order, w, y);
+    return y;
+  }
+
+  const World& world;
+  GradientMode mode;
+  int order;
+  CellGather around;
+  std::vector<GradientTerms> kept;  // Of mode Full, by moment.
+};
+
+VolumeGatherResult VolumeGatherer::Impl::gather(const Vec3d& position, std::uint64_t key,
+                                                const HitLight& light, Counters& counters) {
+  ++counters.volume_gathers;
+  // Rings of cells about an axis at random.
+  RandomStream random(random_key(key, 0x7370686572ULL));
+  around.gather(position, Frame(sample_sphere(random.uniform2())), key, light, counters);
+
+  const DirectionCells& cells = around.cells();
+  VolumeGatherResult result;
+  result.moments.assign(count(), RgbD());
+  const double mean_free_path = 1 / max_component(world.medium().sigma_t_at(position));
+  double inverse_distance = 0, all = 0, spread = 0;
+  for (int c = 0; c < cells.count(); ++c) {
+    const CellLight& seen = around.light(c);
+    const RgbD total = seen.total();
+    const double g = cells.cell(c).measure, brightness = luminance(total);
+    const Harmonics y = harmonics(around.direction(c));
+    for (std::size_t k = 0; k < count(); ++k) result.moments[k] += total * (g * y[k]);
+    result.fluence_surface += seen.surface * g;
+    result.fluence_media += seen.media * g;
+    result.nearest = std::min(result.nearest, around.hit_distance(c));
+    // Media are smooth within a mean free path, surfaces are what they are.
+    inverse_distance +=
+        g * (luminance(seen.surface) / around.hit_distance(c) +
+             std::min(seen.over_distance - luminance(seen.surface) / around.hit_distance(c),
+                      luminance(seen.media) / mean_free_path));
+    all += g * brightness;
+  }
+  for (const CellWall& wall : cells.walls()) {
+    const double d = luminance(around.light(wall.low).total() - around.light(wall.high).total()) *
+                     0.5 * (cells.cell(wall.low).measure + cells.cell(wall.high).measure);
+    spread += d * d / 2;
+  }
+  result.error = std::sqrt(spread * cells.count() / double(cells.walls().size()));
+  result.scale = inverse_distance > 0 ? all / inverse_distance : kInfinity;
+  if (mode == GradientMode::Full) add_full_terms(counters);
+  result.gradients = gradients(mode, counters);
+  return result;
+}
+
+void VolumeGatherer::Impl::add_walls(std::vector<GradientTerms>& to) const {
+  for (const CellWall& wall : around.cells().walls()) {
+    const RgbD across = around.across(wall);
+    if (is_black(across)) continue;
+    const Harmonics y = harmonics(around.frame().to_world(wall.middle));
+    const RgbGradient g = outer(across, around.frame().to_world(wall.moment));
+    for (std::size_t k = 0; k < count(); ++k) to[k].walls += g * y[k];
+  }
+}
+
+void VolumeGatherer::Impl::add_full_terms(Counters& counters) {
+  const DirectionCells& cells = around.cells();
+  kept.assign(count(), GradientTerms());
+  add_walls(kept);
+  if (around.has_radial_term()) around.look_here(counters);
+  for (int c = 0; c < cells.count(); ++c) {
+    const CellLight& seen = around.light(c);
+    const Harmonics y = at_middle(c);
+    const double g = cells.cell(c).measure;
+    const RgbGradient radial =
+        around.has_radial_term()
+            ? outer(around.radial(c), around.frame().to_world(cells.cell(c).direction))
+            : RgbGradient();
+    for (std::size_t k = 0; k < count(); ++k) {
+      kept[k].radial += radial * y[k];
+      kept[k].grad_sigma += seen.grad_sigma * (g * y[k]);
+      kept[k].directional += seen.directional * (g * y[k]);
+    }
+  }
+}
+
+std::vector<RgbGradient> VolumeGatherer::Impl::gradients(GradientMode of, Counters& counters) {
+  std::vector<RgbGradient> sum(count());
+  switch (of) {
+    case GradientMode::None:
+      break;
+    case GradientMode::Full:
+      for (std::size_t k = 0; k < count(); ++k) sum[k] = kept[k].sum();
+      break;
+    case GradientMode::Media:
+      if (!around.has_moving_medium()) break;
+      for (int c = 0; c < around.cells().count(); ++c) {
+        const RgbGradient moved = around.moving_medium(c, counters);
+        const Harmonics y = at_middle(c);
+        for (std::size_t k = 0; k < count(); ++k)
+          sum[k] += moved * (around.cells().cell(c).measure * y[k]);
+      }
+      break;
+    case GradientMode::WardHeckbert: {
+      around.use_surface_distances();
+      std::vector<GradientTerms> walls(count());
+      add_walls(walls);
+      for (std::size_t k = 0; k < count(); ++k) sum[k] = walls[k].walls;
+    }
+  }
+  return sum;
+}
+
+VolumeGatherer::VolumeGatherer(const Lighting& lighting, const Effects& effects,
+                               const GatherOptions& options, int order)
+    : impl_(std::make_unique<Impl>(lighting, effects, options, order)) {}
+VolumeGatherer::~VolumeGatherer() = default;
+
+VolumeGatherResult VolumeGatherer::gather(const Vec3d& position, std::uint64_t key,
+                                          const HitLight& light, Counters& counters) {
+  return impl_->gather(position, key, light, counters);
+}
+
+std::vector<RgbGradient> VolumeGatherer::gradients(GradientMode mode) {
+  Counters counters;
+  return impl_->gradients(mode, counters);
+}
+
+GradientTerms VolumeGatherer::terms(int k) const { return impl_->kept[k]; }
+
+}  // namespace brume

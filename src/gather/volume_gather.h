@@ -1,0 +1,47 @@
+// What arrives at a point of the medium from all around, but straight from lights: its moments by
+// direction and their gradients, from one stratified gather over the sphere (gradients.md 11: the
+// terms of form F without the cosine, each weighted with the harmonic at its cell or wall).
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "core/spherical_harmonics.h"
+#include "gather/gather.h"
+
+namespace brume {
+
+struct VolumeGatherResult {
+  // harmonic_count(order) of each; the first is the fluence [W/m^2]. Per world unit.
+  std::vector<RgbD> moments;
+  std::vector<RgbGradient> gradients;
+  RgbD fluence_surface, fluence_media;
+  double error = 0;           // Estimated standard error of the fluence's luminance.
+  double scale = kInfinity;   // Harmonic mean distance of what sends light, split-sphere [JDZJ08];
+                              // what is nearer than a mean free path counts as so far.
+  double nearest = kInfinity; // Of the surfaces seen.
+};
+
+// Scratch memory of one thread. The World and Lighting must outlive it.
+class VolumeGatherer {
+ public:
+  // Moments up to `order`, at most kMaxHarmonicOrder.
+  VolumeGatherer(const Lighting& lighting, const Effects& effects, const GatherOptions& options,
+                 int order);
+  ~VolumeGatherer();
+
+  // A pure function of the world, options and arguments. Adds to `counters`.
+  VolumeGatherResult gather(const Vec3d& position, std::uint64_t key, const HitLight& light,
+                            Counters& counters);
+
+  // Gradients of another mode from the samples of the last gather(), which ran in mode Full.
+  std::vector<RgbGradient> gradients(GradientMode mode);
+  // Those of mode Full term by term, of moment k.
+  GradientTerms terms(int k) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace brume
