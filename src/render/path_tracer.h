@@ -13,16 +13,20 @@
 
 namespace brume {
 
-// Full: every path the scene holds (bounces and volume_bounces as limits where given).
-// Cached: exactly the paths that the cached integrator includes (SPEC, bounces and volume_bounces): after
-// the eye, at most `bounces` surface reflections before the last vertex; a scattering in the medium ends
-// the path with light straight from lights (volume_bounces 1) or does not happen (0).
+// Full: every path the scene holds.
+// Cached: exactly the paths that the cached integrator includes (SPEC, bounces and volume_bounces).
+// Followed from the eye: at most `bounces` reflections by surfaces after the first vertex, and at most
+// `volume_bounces` scatterings in the medium before the first surface and between one surface and the
+// next. Each scattering takes up light straight from lights; each but the last of a run also what the
+// medium emits and scatters, what surfaces reflect, and "direct": false emitters. So 0: no scattering;
+// 1: only light straight from lights scatters. With `bounces` 0 surfaces show light straight from lights
+// alone, and light in the medium has met none.
 enum class Transport { Full, Cached };
 
 struct PathTracerOptions {
   Transport transport = Transport::Full;
   int bounces = 4;                    // Cached only; Full runs until Russian roulette ends a path.
-  int volume_bounces = 1;             // Cached only: 0 or 1.
+  int volume_bounces = 1;             // Cached only; kEveryOrder (plan/effects.h): no limit.
   std::uint64_t seed = 1;
   int threads = 0;
   int samples = 64;                   // --spp

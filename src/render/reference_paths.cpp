@@ -22,8 +22,8 @@ constexpr std::size_t kCandidates = 16;
 // Within this share of the medium's diagonal around a point light, 1/r^2 is sampled by itself.
 constexpr double kSingularShare = 0.1;
 
-// Full transport plays Russian roulette from this vertex on, and never lets a path live for certain
-// from the next on: albedo may be 1 in a closed room. The walk out of dense white smoke takes
+// Paths without a limit play Russian roulette from this vertex on, and never live for certain from
+// the next on: albedo may be 1 in a closed room. The walk out of dense white smoke takes
 // hundreds of vertices: dying faster than it ends makes the variance infinite, so mortality is late
 // and slight.
 constexpr int kRouletteFrom = 4, kMortalFrom = 1024;
@@ -35,6 +35,16 @@ bool is_singular(const Light& light) {
 
 // Balance heuristic for a sample of density `own`; the other way of sampling may not exist (0).
 double balance(double own, double other) { return own > 0 && other > 0 ? own / (own + other) : 1; }
+
+// False: the path ends.
+bool play_roulette(int vertex, RgbD& weight, RandomStream& random) {
+  if (vertex < kRouletteFrom) return true;
+  const double survival = std::clamp(max_component(weight), kLeastSurvival,
+                                     vertex < kMortalFrom ? 1 : kMortalSurvival);
+  if (random.uniform() >= survival) return false;
+  weight *= 1 / survival;
+  return true;
+}
 
 }  // namespace
 
@@ -265,16 +275,17 @@ PixelResult ReferencePaths::trace(const Ray& ray, const SamplePoints& points,
   result[Layer::VolumeEmission] = sweep.emission;
 
   if (is_full || options_.volume_bounces > 0) {
+    const bool goes_on = is_full || options_.volume_bounces > 1;
     result[Layer::VolumeDirect] = glow(ray, hit.t, random);
     if (const ScatterPoint& scatter = sweep.scatter; scatter.is_set) {
       const Vec3d p = ray.at(scatter.t);
       result[Layer::VolumeDirect] +=
           scatter.weight *
-          direct_in_medium(p, ray.direction, scatter.volume, is_full, &points, random);
-      if (is_full) {
-        const PhaseSample s = world_.medium().volumes()[scatter.volume].phase.sample(
-            ray.direction, points.square(kPhaseRay));
-        const Gathered light = gather_full({{p, s.direction}, p, s.pdf}, scatter.weight, random);
+          direct_in_medium(p, ray.direction, scatter.volume, goes_on, &points, random);
+      if (goes_on) {
+        const Gathered light =
+            gather(scattered_ray(p, ray.direction, scatter.volume, points.square(kPhaseRay)),
+                   scatter.weight, 1, random);
         result[Layer::VolumeDirect] += light.direct;
         result[Layer::VolumeIndirect] = light.indirect;
       }
@@ -328,7 +339,7 @@ void ReferencePaths::shade_eye(const Surface& s, const RgbD& transmittance,
                           Layer indirect_layer) {
     if (!(pdf > 0) || !(s.cosine(wi) > 0)) return;
     const Gathered light =
-        gather({{s.point(), wi}, s.point(), pdf}, transmittance * weight, random);
+        gather({{s.point(), wi}, s.point(), pdf}, transmittance * weight, 0, random);
     result[direct_layer] += light.direct;
     result[indirect_layer] += light.indirect;
   };
@@ -344,48 +355,89 @@ void ReferencePaths::shade_eye(const Surface& s, const RgbD& transmittance,
   }
 }
 
+ReferencePaths::DrawnRay ReferencePaths::scattered_ray(const Vec3d& p, const Vec3d& direction,
+                                                       int volume, const Vec2d& u) const {
+  const PhaseSample sample = world_.medium().volumes()[volume].phase.sample(direction, u);
+  return {{p, sample.direction}, p, sample.pdf};
+}
+
+ReferencePaths::DrawnRay ReferencePaths::reflected_ray(const Surface& s, RgbD& weight,
+                                                       RandomStream& random) const {
+  const double u = random.uniform();
+  const BrdfSample sample = sample_brdf(*s.material, s.shading_normal, s.wo, u, random.uniform2());
+  const bool is_reflection = sample.pdf > 0 && s.cosine(sample.wi) > 0;
+  weight = is_reflection ? weight * sample.weight : RgbD();
+  return {{s.point(), sample.wi}, s.point(), sample.pdf};
+}
+
 ReferencePaths::Gathered ReferencePaths::gather(const DrawnRay& drawn, const RgbD& weight,
-                                                RandomStream& random) {
-  return options_.transport == Transport::Full ? gather_full(drawn, weight, random)
-                                               : gather_cached(drawn, weight, random);
+                                                int scatterings, RandomStream& random) {
+  return options_.transport == Transport::Full
+             ? gather_full(drawn, weight, random)
+             : gather_cached(drawn, weight, scatterings, random);
 }
 
 // E_l of the cached integrator with l = bounces: every segment brings what the medium emits and
-// scatters once and what "direct": false emitters emit; every surface but the last also reflects
-// direct light.
+// scatters and what "direct": false emitters emit; every surface but the last also reflects direct
+// light. Each segment is seen whole, and then one of its two ways on is taken, that through the
+// scattering point or that off the surface, in proportion to what each is worth: paths do not
+// branch.
 ReferencePaths::Gathered ReferencePaths::gather_cached(DrawnRay drawn, RgbD weight,
-                                                       RandomStream& random) {
+                                                       int scatterings, RandomStream& random) {
   Gathered light;
-  for (int level = options_.bounces;; --level) {
-    const bool is_first = level == options_.bounces;
+  int level = options_.bounces;
+  for (int vertex = 1;; ++vertex) {
     const Hit hit = intersect(drawn.ray);
     const Sweep sweep = tracker_.sweep(drawn.ray, hit.t, weight, random);
     light.indirect += sweep.emission;
+
+    const ScatterPoint& scatter = sweep.scatter;
+    const bool can_scatter = scatter.is_set && scatterings + 1 < options_.volume_bounces;
+    const Vec3d p = drawn.ray.at(scatter.t);
     if (options_.volume_bounces > 0) {
       light.indirect += weight * glow(drawn.ray, hit.t, random);
-      if (sweep.scatter.is_set)
-        light.indirect += sweep.scatter.weight *
-                          direct_in_medium(drawn.ray.at(sweep.scatter.t), drawn.ray.direction,
-                                           sweep.scatter.volume, false, nullptr, random);
+      if (scatter.is_set)
+        light.indirect +=
+            scatter.weight * direct_in_medium(p, drawn.ray.direction, scatter.volume, can_scatter,
+                                              nullptr, random);
     }
-    weight = sweep.transmittance;
+
+    const RgbD passed = sweep.transmittance;
+    Surface surface;
+    bool can_reflect = false;
+    if (!is_black(passed)) {
+      RgbD& emitters = vertex == 1 ? light.direct : light.indirect;
+      emitters += passed * (hit.is_hit() ? emitter_hit(hit, drawn) : environment_hit(drawn));
+      if (hit.is_hit()) {
+        surface = surface_at(hit, -drawn.ray.direction);
+        if (!surface.material->direct)
+          light.indirect += passed * world_.emission(hit, surface.wo);
+        can_reflect = level > 0 && surface.material->reflects();
+        if (can_reflect) light.indirect += passed * direct_on_surface(surface, random);
+      }
+    }
+
+    if (!can_scatter && !can_reflect) break;
+    double scatter_share = can_scatter ? 1 : 0;
+    if (can_scatter && can_reflect) {
+      const double a = mean_component(scatter.weight),
+                   b = mean_component(passed * (RgbD(surface.material->albedo) +
+                                                RgbD(surface.material->specular)));
+      scatter_share = a / (a + b);
+    }
+    if (scatter_share == 1 || (scatter_share > 0 && random.uniform() < scatter_share)) {
+      weight = scatter.weight / scatter_share;
+      drawn = scattered_ray(p, drawn.ray.direction, scatter.volume, random.uniform2());
+      ++scatterings;
+    } else {
+      weight = passed / (1 - scatter_share);
+      drawn = reflected_ray(surface, weight, random);
+      scatterings = 0;
+      --level;
+    }
     if (is_black(weight)) break;
-    RgbD& emitters = is_first ? light.direct : light.indirect;
-    if (!hit.is_hit()) {
-      emitters += weight * environment_hit(drawn);
-      break;
-    }
-    emitters += weight * emitter_hit(hit, drawn);
-    const Surface s = surface_at(hit, -drawn.ray.direction);
-    if (!s.material->direct) light.indirect += weight * world_.emission(hit, s.wo);
-    if (level == 0 || !s.material->reflects()) break;
-    light.indirect += weight * direct_on_surface(s, random);
-    const double u = random.uniform();
-    const BrdfSample sample =
-        sample_brdf(*s.material, s.shading_normal, s.wo, u, random.uniform2());
-    if (!(sample.pdf > 0) || !(s.cosine(sample.wi) > 0)) break;
-    weight *= sample.weight;
-    drawn = {{s.point(), sample.wi}, s.point(), sample.pdf};
+    // Where no scattering goes on, `bounces` alone ends the path.
+    if (options_.volume_bounces > 1 && !play_roulette(vertex, weight, random)) break;
   }
   return light;
 }
@@ -406,9 +458,7 @@ ReferencePaths::Gathered ReferencePaths::gather_full(DrawnRay drawn, RgbD weight
       const Vec3d p = drawn.ray.at(flight.scatter.t);
       light.indirect += weight * direct_in_medium(p, drawn.ray.direction, flight.scatter.volume,
                                                   true, nullptr, random);
-      const PhaseSample sample = world_.medium().volumes()[flight.scatter.volume].phase.sample(
-          drawn.ray.direction, random.uniform2());
-      drawn = {{p, sample.direction}, p, sample.pdf};
+      drawn = scattered_ray(p, drawn.ray.direction, flight.scatter.volume, random.uniform2());
     } else {
       RgbD& emitters = vertex == 1 ? light.direct : light.indirect;
       if (!hit.is_hit()) {
@@ -420,19 +470,10 @@ ReferencePaths::Gathered ReferencePaths::gather_full(DrawnRay drawn, RgbD weight
       if (!s.material->direct) light.indirect += weight * world_.emission(hit, s.wo);
       if (!s.material->reflects()) break;
       light.indirect += weight * direct_on_surface(s, random);
-      const double u = random.uniform();
-      const BrdfSample sample =
-          sample_brdf(*s.material, s.shading_normal, s.wo, u, random.uniform2());
-      if (!(sample.pdf > 0) || !(s.cosine(sample.wi) > 0)) break;
-      weight *= sample.weight;
-      drawn = {{s.point(), sample.wi}, s.point(), sample.pdf};
+      drawn = reflected_ray(s, weight, random);
+      if (is_black(weight)) break;
     }
-
-    if (vertex < kRouletteFrom) continue;
-    const double survival = std::clamp(max_component(weight), kLeastSurvival,
-                                       vertex < kMortalFrom ? 1 : kMortalSurvival);
-    if (random.uniform() >= survival) break;
-    weight *= 1 / survival;
+    if (!play_roulette(vertex, weight, random)) break;
   }
   return light;
 }

@@ -61,6 +61,9 @@ class ReferencePaths {
   RgbD direct_in_medium(const Vec3d& p, const Vec3d& direction, int volume, bool goes_on,
                         const SamplePoints* points, RandomStream& random);
   RgbD direct_on_surface(const Surface& surface, RandomStream& random);
+  DrawnRay scattered_ray(const Vec3d& p, const Vec3d& direction, int volume, const Vec2d& u) const;
+  // Multiplies `weight` by what the reflection leaves of it; 0: there is no ray.
+  DrawnRay reflected_ray(const Surface& surface, RgbD& weight, RandomStream& random) const;
   double near_share(int light, const Vec3d& p) const;
   RgbD glow(const Ray& ray, double t_end, RandomStream& random);
   RgbD emitter_hit(const Hit& hit, const DrawnRay& drawn) const;
@@ -68,9 +71,11 @@ class ReferencePaths {
 
   void shade_eye(const Surface& surface, const RgbD& transmittance, const SamplePoints& points,
                  RandomStream& random, PixelResult& result);
-  // Results are multiplied by `weight`, that of the path so far.
-  Gathered gather(const DrawnRay& drawn, const RgbD& weight, RandomStream& random);
-  Gathered gather_cached(DrawnRay drawn, RgbD weight, RandomStream& random);
+  // Results are multiplied by `weight`, that of the path so far. `scatterings`: in the medium, from
+  // the eye or the last surface to where the ray begins.
+  Gathered gather(const DrawnRay& drawn, const RgbD& weight, int scatterings,
+                  RandomStream& random);
+  Gathered gather_cached(DrawnRay drawn, RgbD weight, int scatterings, RandomStream& random);
   Gathered gather_full(DrawnRay drawn, RgbD weight, RandomStream& random);
 
   const World& world_;

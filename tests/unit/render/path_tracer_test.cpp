@@ -2,81 +2,20 @@
 
 #include <gtest/gtest.h>
 
-#include <functional>
+#include <array>
 
 #include "core/random.h"
+#include "plan/effects.h"
 #include "support/dense_grid.h"
+#include "support/sensor.h"
 
 namespace brume {
 namespace {
 
-// The mean over an image, and the standard error of the mean from the spread of its pixels.
-struct Measured {
-  RgbD mean, error;
-};
-
-// A sensor of independent pixels that all look along one ray.
-class Sensor {
- public:
-  Sensor(const Vec3d& position, const Vec3d& look_at, int pixels = 16)
-      : size_(pixels), film_(pixels, pixels) {
-    camera_.position = position;
-    camera_.look_at = look_at;
-    const Vec3d d = look_at - position;
-    camera_.up = std::abs(d.y) > 0.9 * d.length() ? Vec3d(1, 0, 0) : Vec3d(0, 1, 0);
-    camera_.fov_deg = 1e-6;
-  }
-  PathTracerResult expose(const World& world, const PathTracerOptions& options) {
-    return trace_paths(world, CameraRays(camera_, size_, size_), options, film_);
-  }
-  Measured of(const std::function<RgbD(const PixelResult&)>& value) const {
-    Measured m;
-    const double n = double(size_) * size_;
-    RgbD squares;
-    for (int y = 0; y < size_; ++y)
-      for (int x = 0; x < size_; ++x) {
-        const RgbD v = value(film_.at(x, y));
-        m.mean += v / n;
-        squares += v * v / n;
-      }
-    for (int c = 0; c < 3; ++c)
-      m.error[c] = std::sqrt(std::max(0.0, squares[c] - m.mean[c] * m.mean[c]) / (n - 1));
-    return m;
-  }
-  Measured layer(Layer layer) const {
-    return of([=](const PixelResult& p) { return p[layer]; });
-  }
-  Measured beauty() const {
-    return of([](const PixelResult& p) { return p.beauty(); });
-  }
-  const PixelFilm& film() const { return film_; }
-
- private:
-  int size_;
-  Camera camera_;
-  PixelFilm film_;
-};
-
-// Within four standard errors, or the given relative tolerance where that is more; the error itself
-// must be small enough to mean something.
-void expect_near(const Measured& m, const RgbD& expected, double relative = 1e-6,
-                 double most_error = 0.02) {
-  for (int c = 0; c < 3; ++c) {
-    EXPECT_NEAR(m.mean[c], expected[c],
-                std::max(4 * m.error[c], relative * std::abs(expected[c])) + 1e-12)
-        << "channel " << c << ", standard error " << m.error[c];
-    EXPECT_LE(m.error[c], most_error * std::abs(expected[c]) + 1e-9) << "channel " << c;
-  }
-}
-
-PathTracerOptions options_of(Transport transport, int samples, int bounces = 1) {
-  PathTracerOptions options;
-  options.transport = transport;
-  options.samples = samples;
-  options.bounces = bounces;
-  options.threads = 2;
-  return options;
-}
+using test::expect_near;
+using test::Measured;
+using test::options_of;
+using test::Sensor;
 
 TriangleMesh plane(double half, double z, std::uint32_t material) {
   TriangleMesh mesh;
@@ -434,6 +373,35 @@ TEST(PathTracer, CachedTransportConvergesToFullWithoutSmoke) {
       EXPECT_GT(full[l].mean[c], 0);
     }
   }
+}
+
+// With every bounce and every order of scattering too; lamps are weighted against scattered rays.
+TEST(PathTracer, CachedTransportOfEveryOrderConvergesToFull) {
+  Scene scene = smoky_corner(true, 0.5f);
+  scene.volumes[0].emission.mode = Emission::Mode::Density;
+  scene.volumes[0].emission.scale = 0.05;
+  scene.lights = {PointLight{{0.2, 0.1, 0.7}, Rgb(0.2f)}, EnvironmentLight{}};
+  scene.meshes.pop_back();  // The sky shows.
+  const World world(scene);
+  Sensor sensor({1.2, 0.3, 1}, {-0.3, 0.1, 0}, 32);
+  sensor.expose(world, options_of(Transport::Full, 128));
+  std::array<Measured, kLayerCount> full, cached;
+  for (int l = 0; l < kLayerCount; ++l) full[l] = sensor.layer(Layer(l));
+  PathTracerOptions options = options_of(Transport::Cached, 128, 40);
+  options.volume_bounces = kEveryOrder;
+  sensor.expose(world, options);
+  for (int l = 0; l < kLayerCount; ++l) {
+    cached[l] = sensor.layer(Layer(l));
+    for (int c = 0; c < 3; ++c)
+      EXPECT_NEAR(cached[l].mean[c], full[l].mean[c],
+                  4 * std::hypot(cached[l].error[c], full[l].error[c]) + 1e-9)
+          << layer_name(Layer(l));
+  }
+  for (const Layer layer : {Layer::VolumeDirect, Layer::VolumeIndirect, Layer::DiffuseIndirect})
+    for (int c = 0; c < 3; ++c)
+      EXPECT_LT(std::hypot(cached[int(layer)].error[c], full[int(layer)].error[c]),
+                0.02 * full[int(layer)].mean[c])
+          << layer_name(layer);
 }
 
 TEST(PathTracer, WithoutVolumeBouncesTheMediumOnlyDims) {
