@@ -13,6 +13,7 @@
 #include "data_gen/oracle_scenes.h"
 #include "data_gen/smoky_cornell.h"
 #include "data_gen/talk_scenes.h"
+#include "data_gen/transport_scenes.h"
 #include "vdb_media/grid_writer.h"
 
 namespace brume {
@@ -30,6 +31,8 @@ constexpr const char* kExamples = R"(Examples:
   data_gen talk all -o out/talk
   data_gen oracle scat -o out/oracle
   data_gen oracle all -o out/oracle --step 0.1
+  data_gen slab -o out/slab --optical-depth 8 --albedo 0.9 --anisotropy 0.6
+  data_gen furnace -o out/furnace --optical-depth 10 --resolution 32
 
 Equal arguments give equal bytes, with any number of threads.)";
 
@@ -283,6 +286,58 @@ void add_talk_command(CLI::App& app, std::string& folder, const int& threads) {
   });
 }
 
+void add_slab_command(CLI::App& app, std::string& folder) {
+  const auto options = std::make_shared<SlabOptions>();
+  CLI::App* slab = app.add_subcommand(
+      "slab",
+      "A slab whose reflection and transmission are known; slab.json says how to read them");
+  slab->add_option("-o,--output", folder, "Folder to write into")->required();
+  slab->add_option("--optical-depth", options->optical_depth, "Along the normal")
+      ->capture_default_str();
+  slab->add_option("--albedo", options->albedo, "Scattered part of the extinction")
+      ->capture_default_str();
+  slab->add_option("--anisotropy", options->anisotropy, "Mean cosine of the scattering")
+      ->capture_default_str();
+  slab->add_flag_callback(
+      "--diffuse", [options] { options->incidence = SlabOptions::Incidence::Diffuse; },
+      "Lit by a white sky, nothing from below, instead of by a beam along the normal");
+  slab->add_option("--width", options->width,
+                   "Over the thickness (default: so that an endless slab differs by less than "
+                   "0.1 %)");
+  slab->add_option("--resolution", options->resolution,
+                   "Nodes along each axis of a grid; 0: a box without a grid")
+      ->capture_default_str();
+  slab->callback([options, &folder] {
+    make_folder(folder);
+    print_files(write_slab(folder, *options));
+  });
+}
+
+void add_furnace_command(CLI::App& app, std::string& folder, const int& threads) {
+  const auto options = std::make_shared<FurnaceOptions>();
+  CLI::App* furnace = app.add_subcommand(
+      "furnace", "A white medium in a white environment: radiance is 1 everywhere");
+  furnace->add_option("-o,--output", folder, "Folder to write into")->required();
+  furnace->add_option("--optical-depth", options->optical_depth, "Across the box, on average")
+      ->capture_default_str();
+  furnace->add_option("--anisotropy", options->anisotropy, "Mean cosine of the scattering")
+      ->capture_default_str();
+  furnace
+      ->add_option("--block-albedo", options->block_albedo,
+                   "Of the block in the medium, which gives off the rest")
+      ->capture_default_str();
+  furnace
+      ->add_option("--resolution", options->resolution,
+                   "Nodes along each axis of a lumpy grid; 0: an even medium")
+      ->capture_default_str();
+  furnace->add_option("--seed", options->seed, "Seed of the lumps")->capture_default_str();
+  furnace->callback([options, &folder, &threads] {
+    options->threads = threads;
+    make_folder(folder);
+    print_files(write_furnace(folder, *options));
+  });
+}
+
 // CLI11's own exit codes never leak.
 int run_data_gen(int argc, char** argv) {
   CLI::App app("Writes volumes and scenes with known answers, and the demo scene.", "data_gen");
@@ -314,6 +369,8 @@ int run_data_gen(int argc, char** argv) {
   });
 
   add_talk_command(app, folder, threads);
+  add_slab_command(app, folder);
+  add_furnace_command(app, folder, threads);
 
   CLI::App* field = app.add_subcommand("field", "One analytic field as a .vdb");
   field->require_subcommand(1);

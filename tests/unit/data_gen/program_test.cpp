@@ -55,6 +55,7 @@ TEST_F(DataGenProgram, TellsUsageErrorsFromBadInputAndFromPlacesItCannotWrite) {
         Case{"field atmosphere -o a.vdb --up 0,0,0", 2}, Case{"field ball -o a.vdb --voxel 0", 3},
         Case{"oracle nothing -o .", 3}, Case{"smoky-cornell -o . --resolution 1", 3},
         Case{"talk", 2}, Case{"talk windows -o new", 2}, Case{"talk window -o . --albedo 2", 3},
+        Case{"slab", 2}, Case{"slab -o . --albedo 2", 3}, Case{"furnace -o . --resolution 1", 3},
         Case{"field ball -o missing/a.vdb", 6}}) {
     const Result result = run(c.arguments);
     EXPECT_EQ(result.status, c.status) << c.arguments;
@@ -113,6 +114,15 @@ TEST_F(DataGenProgram, WritesAllScenesOfTheTalkIntoFoldersOfTheirOwn) {
     EXPECT_TRUE(fs::is_regular_file(files() / "talk" / scene)) << scene;
     EXPECT_NE(result.out.find("talk/" + std::string(scene) + "\n"), std::string::npos) << scene;
   }
+}
+
+TEST_F(DataGenProgram, WritesTheSlabAndTheFurnace) {
+  EXPECT_EQ(run("slab -o slab --optical-depth 8 --albedo 0.9 --anisotropy -0.5 --width 30").out,
+            "slab/slab.json\nslab/slab.obj\n");
+  EXPECT_EQ(run("slab -o slab --diffuse --resolution 4").out,
+            "slab/slab.json\nslab/slab.obj\nslab/sky.exr\nslab/slab.vdb\n");
+  EXPECT_EQ(run("furnace -o furnace --optical-depth 10 --block-albedo 1 --resolution 8").out,
+            "furnace/furnace.json\nfurnace/furnace.obj\nfurnace/furnace.vdb\n");
 }
 
 }  // namespace
