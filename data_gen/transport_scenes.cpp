@@ -25,7 +25,7 @@ constexpr const char* kSlabNotes =
 //       --res 1x1 --spp 262144 --pixel 0,0 --json
 //
 // With `--camera transmission` it is T, whose unscattered part is `diffuse_direct`. Larger pictures
-// are even; their mean is the answer. The cached integrator gives the same, times pi, at the points
+// are even; their mean is the answer. The cached integrator estimates it, times pi, at the points
 // where the receivers lie:
 //
 //   brume probe slab.json --at 0,1.049,0 --normal 0,-1,0 --json   # irradiance
