@@ -25,13 +25,8 @@ constexpr const char* kSlabNotes =
 //       --res 1x1 --spp 262144 --pixel 0,0 --json
 //
 // With `--camera transmission` it is T, whose unscattered part is `diffuse_direct`. Larger pictures
-// are even; their mean is the answer. The cached integrator estimates it, times pi, at the points
-// where the receivers lie:
-//
-//   brume probe slab.json --at 0,1.049,0 --normal 0,-1,0 --json   # irradiance
-//   brume probe slab.json --at 0,-0.049,0 --normal 0,1,0 --json   # irradiance + irradiance_direct
-//
-// (Of a sky irradiance_direct is the mean of a few samples; --seed gives others.)
+// are even; their mean is the answer. The cached integrator, whose light scatters once in the
+// medium, tells less of it.
 //
 )";
 constexpr const char* kNormalNotes =
@@ -45,10 +40,6 @@ constexpr const char* kFurnaceNotes =
     R"(// Radiance is 1 everywhere and in all directions: every picture of every camera is white,
 //
 //   brume render furnace.json -o furnace.exr --integrator path --transport full
-//
-// and irradiance + irradiance_direct is pi on every side of every point, on the block's top too:
-//
-//   brume probe furnace.json --at 0,-0.05,0 --normal 0,1,0 --json
 )";
 
 void require(bool good, const std::string& message) {
