@@ -23,7 +23,7 @@ std::string text_of(const fs::path& file) {
 std::map<std::string, std::string> cited_keys(const fs::path& root) {
   const std::regex bracket(R"(\[([A-Z][A-Za-z]+\*?[0-9]{2}[^\]\n]*)\])"), key(R"(\b[A-Z][A-Za-z]+\*?[0-9]{2}\b)");
   std::map<std::string, std::string> keys;
-  for (const char* folder : {"src", "vdb_media", "data_gen", "tools"}) {
+  for (const char* folder : {"src", "vdb_media", "data_gen", "tools", "tests"}) {
     if (!fs::exists(root / folder)) continue;
     for (const auto& entry : fs::recursive_directory_iterator(root / folder)) {
       const std::string type = entry.path().extension().string();
