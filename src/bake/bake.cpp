@@ -8,6 +8,7 @@
 #include <unordered_map>
 #include <unordered_set>
 
+#include "bake/deep_bake.h"
 #include "bake/placement.h"
 #include "bake/record_maker.h"
 #include "bake/work_units.h"
@@ -18,10 +19,6 @@
 namespace brume {
 namespace {
 
-// A layer that changes the mean irradiance by less than this stands for all above it.
-constexpr double kConverged = 2e-3;
-// Candidates count as covered a little inside a record's edge, where its weight is not yet 0.
-constexpr double kCoveredWithin = 0.8;
 // Waves of a view, by pixel stride: the first are global, the rest stay in their cell. They count
 // from where those over all surfaces never get to, so that each can tell how far its own kind came.
 constexpr int kCoarsestStride = 32, kFinestGlobalStride = 8;
@@ -43,7 +40,7 @@ class Baker {
         request_(request),
         effects_(plan_effects(world_, settings.bounces, settings.volume_bounces)),
         origin_(existing ? existing->origin() : bake_origin(world_)),
-        maker_(lighting, effects_, settings, origin_, request.threads, request.journal) {
+        maker_(lighting, effects_, settings, origin_, request.threads) {
     if (existing != nullptr) {
       for (const SurfaceRecord& r : existing->records()) {
         if ((r.flags & kUnfinishedViewFlag) == 0)
@@ -56,7 +53,7 @@ class Baker {
     cache_ = std::make_shared<IrradianceCache>(records_, origin_);
   }
 
-  void bake_deeper();
+  void bake_deep();
   void bake_top();
   BakeResult finish();
 
@@ -75,25 +72,26 @@ class Baker {
     stopped_ = is_at_limit_ = true;
     return false;
   }
-  bool has_records_above(int layer) const {
-    return !records_.empty() && records_.back().layer() > layer;
+  bool has_deep_records() const {
+    return !records_.empty() && records_.front().layer() == kDeepLayer;
   }
-  int next_wave_everywhere(int layer) const;
-  void everywhere(int layer, const std::string& stage);
-  void views(int layer);
-  void add_frame(WorkUnits& work, std::uint32_t batch, const BakeView& view, int stride, int layer);
-  Points uncovered(const Points& points, int layer);
-  bool covers(const IrradianceCache& cache, const Candidate& c, int layer) const;
+  int next_wave_everywhere() const;
+  void everywhere();
+  void views();
+  void add_frame(WorkUnits& work, std::uint32_t batch, const BakeView& view, int stride);
+  Points uncovered(const Points& points);
+  bool covers(const IrradianceCache& cache, const Candidate& c) const;
+  // What a gather finds at a record, or found before.
+  void gather(double offset, SurfaceRecord& record, int slot);
   // Gathers at all points, clamps and seals them; false where the bake stops first.
-  bool bake_wave(const Points& points, int layer, int wave);
+  bool bake_wave(const Points& points, int wave);
   void seal(Records fresh);
-  void bake_units(WorkUnits& work, int layer);
-  std::optional<Records> bake_unit(const WorkUnits& work, WorkUnit unit, int layer, int slot);
-  Records bake_batch(std::span<const Candidate> open, int layer, const CandidateBatch& batch,
+  void bake_units(WorkUnits& work);
+  std::optional<Records> bake_unit(const WorkUnits& work, WorkUnit unit, int slot);
+  Records bake_batch(std::span<const Candidate> open, const CandidateBatch& batch,
                      const IrradianceCache& own, int slot);
   Records with_unfinished(Records records) const;
   void offer_snapshot();
-  double change_of(int layer) const;
   void report(const std::string& stage, double fraction) const {
     if (request_.progress) request_.progress(stage, fraction);
   }
@@ -115,17 +113,19 @@ class Baker {
   std::mutex units_mutex_, snapshot_mutex_;
   std::shared_ptr<const IrradianceCache> cache_;
   RecordMaker maker_;
+  std::shared_ptr<const IrradianceCache> deep_;  // What the gathers of top records see.
+  HitLight below_;
   double truncation_bound_ = 0;
-  int layers_ = 0;
+  int orders_ = 0;
   std::atomic<bool> stopped_ = false;
   bool is_at_limit_ = false;
   BakeStats stats_;
 };
 
-Baker::Points Baker::uncovered(const Points& points, int layer) {
+Baker::Points Baker::uncovered(const Points& points) {
   std::vector<std::uint8_t> keep(points.size());
   parallel_for(request_.threads, points.size(), 256, [&](std::size_t i) {
-    const IrradianceQuery query{layer, points[i].position, points[i].normal, points[i].min_radius};
+    const IrradianceQuery query{kTopLayer, points[i].position, points[i].normal, points[i].min_radius};
     keep[i] = !cache_->covers(query, kCoveredWithin);
   });
   Points left;
@@ -134,22 +134,34 @@ Baker::Points Baker::uncovered(const Points& points, int layer) {
   return left;
 }
 
-bool Baker::covers(const IrradianceCache& cache, const Candidate& c, int layer) const {
-  return cache.covers({layer, vector(c.position) + origin_, vector(c.normal), c.min_radius},
+bool Baker::covers(const IrradianceCache& cache, const Candidate& c) const {
+  return cache.covers({kTopLayer, vector(c.position) + origin_, vector(c.normal), c.min_radius},
                       kCoveredWithin);
 }
 
-bool Baker::bake_wave(const Points& points, int layer, int wave) {
+void Baker::gather(double offset, SurfaceRecord& r, int slot) {
+  if (const SurfaceRecord* known =
+          request_.journal ? request_.journal->find(r.layer(), r.key) : nullptr) {
+    const std::uint32_t flags = r.flags;
+    r = *known;
+    r.flags = flags;
+    return;
+  }
+  maker_.gather(offset, below_, r, slot);
+  if (request_.journal) request_.journal->add(r);
+}
+
+bool Baker::bake_wave(const Points& points, int wave) {
   if (is_stopped() || !has_room_for(points.size())) return false;
   Records fresh(points.size());
   parallel_for_slots(request_.threads, points.size(), 1, [&](std::size_t i, int slot) {
     if (is_stopped()) return;
     offer_snapshot();
-    fresh[i] = maker_.place(points[i], layer, wave);
-    maker_.gather(points[i].offset, fresh[i], slot);
+    fresh[i] = maker_.place(points[i], kTopLayer, wave);
+    gather(points[i].offset, fresh[i], slot);
   });
   if (stopped_) return false;
-  maker_.clamp_by_neighbours(fresh, layer, {cache_.get()});
+  maker_.clamp_by_neighbours(fresh, kTopLayer, {cache_.get()});
   seal(std::move(fresh));
   return true;
 }
@@ -167,83 +179,74 @@ void Baker::seal(Records fresh) {
 }
 
 // A wave is sealed whole or not at all, so those up to the last one with records are done.
-int Baker::next_wave_everywhere(int layer) const {
+int Baker::next_wave_everywhere() const {
   int next = 0;
   for (const SurfaceRecord& r : records_)
-    if (r.layer() == layer && r.wave() < kFirstViewWave) next = std::max(next, r.wave() + 1);
+    if (r.layer() == kTopLayer && r.wave() < kFirstViewWave) next = std::max(next, r.wave() + 1);
   return next;
 }
 
-// Waves of candidates over all surfaces, each twice as dense as the one before. Goes on after the
-// waves that an earlier bake sealed: asked again, those would fill what their thinning left to the
-// next. Those of the top layer end in cells, as it is the one that shards share.
-void Baker::everywhere(int layer, const std::string& stage) {
-  maker_.use_layer(layer, cache_);
+// Waves of candidates over all surfaces. Goes on after the waves that an earlier bake sealed: asked
+// again, those would fill what their thinning left to the next. They end in cells, which shards share.
+void Baker::everywhere() {
   const SurfacePoints surfaces(world_.tracer());
-  const double coarsest = maker_.layer_settings().max_radius * world_.diagonal();
-  const double finest = maker_.layer_settings().min_radius * world_.diagonal();
-  const int waves = std::min(
-      kFirstViewWave, static_cast<int>(std::ceil(std::log2(std::max(1.0, coarsest / finest)))) + 2);
-  const int first_in_cells =
-      layer == top_layer(settings_) ? std::max(0, waves - kWavesInCells) : waves;
-  int wave = next_wave_everywhere(layer);
+  const double coarsest = settings_.max_radius * world_.diagonal();
+  const double finest = settings_.min_radius * world_.diagonal();
+  const int waves = std::min(kFirstViewWave, placement_waves(coarsest, finest));
+  const int first_in_cells = std::max(0, waves - kWavesInCells);
+  int wave = next_wave_everywhere();
   if (wave > first_in_cells) return;
   const auto open = [&] {
-    report(stage, double(wave) / waves);
-    return uncovered(surfaces.points(std::ldexp(coarsest, -wave), random_key(settings_.seed, wave)),
-                     layer);
+    report("gather", double(wave) / waves);
+    return uncovered(surfaces.points(std::ldexp(coarsest, -wave), random_key(settings_.seed, wave)));
   };
   const auto distance = [&] { return 0.7 * std::max(std::ldexp(coarsest, -wave), finest); };
   for (; wave < first_in_cells; ++wave)
-    if (is_stopped() || !bake_wave(thin(open(), distance()), layer, wave)) return;
-  if (layer != top_layer(settings_)) return;
+    if (is_stopped() || !bake_wave(thin(open(), distance()), wave)) return;
   WorkUnits work(origin_);
   for (; wave < waves; ++wave) {
     const std::uint32_t batch = work.add_batch({wave, distance()});
     for (const SurfacePoint& p : open()) work.add(batch, p, finest);
   }
-  bake_units(work, layer);
+  bake_units(work);
 }
 
-void Baker::add_frame(WorkUnits& work, std::uint32_t batch, const BakeView& view, int stride,
-                      int layer) {
+void Baker::add_frame(WorkUnits& work, std::uint32_t batch, const BakeView& view, int stride) {
   for (int y = 0; y < view.height && !is_stopped(); y += kBandRows) {
     const PixelRect band{0, y, view.width, std::min(y + kBandRows, view.height)};
-    for (const SurfacePoint& p : uncovered(view_points(world_, view, band, stride, true), layer))
+    for (const SurfacePoint& p : uncovered(view_points(world_, view, band, stride, true)))
       work.add(batch, p, p.min_radius / kFootprintPixels);
   }
 }
 
-void Baker::views(int layer) {
-  maker_.use_layer(layer, cache_);
+void Baker::views() {
   int wave = kFirstViewWave;
   for (int stride = kCoarsestStride; stride >= kFinestGlobalStride; stride /= 2, ++wave)
     for (const BakeView& view : request_.views) {
       const PixelRect frame{0, 0, view.width, view.height};
       report("gather", 0.1 * (wave - kFirstViewWave));
       const Points open =
-          uncovered(view_points(world_, view, frame, stride, stride < kCoarsestStride), layer);
-      if (!bake_wave(open, layer, wave)) return;
+          uncovered(view_points(world_, view, frame, stride, stride < kCoarsestStride));
+      if (!bake_wave(open, wave)) return;
     }
   WorkUnits work(origin_);
   for (int stride = kFinestGlobalStride / 2; stride >= 1; stride /= 2, ++wave)
     for (const BakeView& view : request_.views)
-      add_frame(work, work.add_batch({wave, 0}), view, stride, layer);
-  bake_units(work, layer);
+      add_frame(work, work.add_batch({wave, 0}), view, stride);
+  bake_units(work);
 }
 
 // Nothing unless the bake stops within the unit.
-std::optional<Baker::Records> Baker::bake_unit(const WorkUnits& work, WorkUnit unit, int layer,
-                                               int slot) {
+std::optional<Baker::Records> Baker::bake_unit(const WorkUnits& work, WorkUnit unit, int slot) {
   Records all;
   IrradianceCache own({}, origin_);
   for (std::size_t begin = 0; begin < unit.size();) {
     const std::uint32_t batch = unit[begin].batch;
     std::vector<Candidate> open;
     for (; begin < unit.size() && unit[begin].batch == batch; ++begin)
-      if (!covers(own, unit[begin], layer)) open.push_back(unit[begin]);
+      if (!covers(own, unit[begin])) open.push_back(unit[begin]);
     if (open.empty()) continue;
-    const Records fresh = bake_batch(open, layer, work.batch(batch), own, slot);
+    const Records fresh = bake_batch(open, work.batch(batch), own, slot);
     if (stopped_) return std::nullopt;
     all.insert(all.end(), fresh.begin(), fresh.end());
     std::sort(all.begin(), all.end(), RecordOrder());
@@ -252,9 +255,8 @@ std::optional<Baker::Records> Baker::bake_unit(const WorkUnits& work, WorkUnit u
   return all;
 }
 
-Baker::Records Baker::bake_batch(std::span<const Candidate> open, int layer,
-                                 const CandidateBatch& batch, const IrradianceCache& own,
-                                 int slot) {
+Baker::Records Baker::bake_batch(std::span<const Candidate> open, const CandidateBatch& batch,
+                                 const IrradianceCache& own, int slot) {
   Points points;
   for (const Candidate& c : open)
     points.push_back({vector(c.position) + origin_, vector(c.normal), c.offset, c.min_radius});
@@ -263,23 +265,23 @@ Baker::Records Baker::bake_batch(std::span<const Candidate> open, int layer,
   for (const SurfacePoint& p : points) {
     if (is_stopped()) return {};
     offer_snapshot();
-    SurfaceRecord r = maker_.place(p, layer, batch.wave);
+    SurfaceRecord r = maker_.place(p, kTopLayer, batch.wave);
     if (const auto it = unfinished_.find(r.key); it != unfinished_.end()) {
       found.push_back(it->second);
       found.back().flags &= ~kUnfinishedViewFlag;
       continue;
     }
-    maker_.gather(p.offset, r, slot);
+    gather(p.offset, r, slot);
     fresh.push_back(r);
   }
-  maker_.clamp_by_neighbours(fresh, layer, {cache_.get(), &own});
+  maker_.clamp_by_neighbours(fresh, kTopLayer, {cache_.get(), &own});
   fresh.insert(fresh.end(), found.begin(), found.end());
   return fresh;
 }
 
 // Units begin in their order, so that those that keep within the record limit are the same ones for
 // any number of threads.
-void Baker::bake_units(WorkUnits& work, int layer) {
+void Baker::bake_units(WorkUnits& work) {
   if (is_stopped()) return;
   std::vector<WorkUnit> units;
   std::uint32_t number = 0;
@@ -293,7 +295,7 @@ void Baker::bake_units(WorkUnits& work, int layer) {
   parallel_for_slots(request_.threads, units.size(), 1, [&](std::size_t, int slot) {
     if (made > room) return;
     const std::size_t i = next++;
-    std::optional<Records> records = bake_unit(work, units[i], layer, slot);
+    std::optional<Records> records = bake_unit(work, units[i], slot);
     if (!records) return;
     made += records->size();
     const double fraction = 0.3 + 0.7 * double(++done) / double(units.size());
@@ -326,7 +328,7 @@ void Baker::bake_units(WorkUnits& work, int layer) {
 Baker::Records Baker::with_unfinished(Records records) const {
   std::unordered_set<std::uint64_t> chosen;
   for (const SurfaceRecord& r : records)
-    if (r.layer() == top_layer(settings_)) chosen.insert(r.key);
+    if (r.layer() == kTopLayer) chosen.insert(r.key);
   for (const auto& [key, r] : unfinished_)
     if (!chosen.contains(key)) records.push_back(r);
   return records;
@@ -347,40 +349,19 @@ void Baker::offer_snapshot() {
   request_.snapshot(std::make_shared<IrradianceCache>(with_unfinished(std::move(all)), origin_));
 }
 
-// Mean change from the layer below to `layer`, at the records of `layer`, relative to its mean.
-double Baker::change_of(int layer) const {
-  double change = 0, sum = 0;
-  for (const SurfaceRecord& r : records_) {
-    if (r.layer() != layer) continue;
-    const Vec3d p = vector(r.position) + origin_, n = vector(r.normal);
-    const double here = luminance(Rgb(r.irradiance[0], r.irradiance[1], r.irradiance[2]));
-    const InterpolatedIrradiance below = cache_->irradiance({layer - 1, p, n, 0});
-    if (below.records == 0) continue;
-    change += here - luminance(below.irradiance);
-    sum += here;
-  }
-  return sum > 0 ? std::abs(change) / sum : 0;
-}
-
-void Baker::bake_deeper() {
-  if (!effects_.indirect) return;
+void Baker::bake_deep() {
+  if (!needs_deep_records(world_, settings_, effects_)) return;
   const auto start = std::chrono::steady_clock::now();
-  const bool has_base = effects_.scattering || effects_.emission || world_.has_gathered_emitters();
-  double last_change = 1;
-  for (int layer = has_base ? 0 : 1; layer < top_layer(settings_) && !is_stopped(); ++layer) {
-    // Deepest first, each sealed before the next begins.
-    if (!has_records_above(layer)) everywhere(layer, "bounce " + std::to_string(layer));
-    ++layers_;
-    if (layer < (has_base ? 1 : 2)) continue;
-    const double change = change_of(layer);
-    if (change < kConverged) {
-      // Successive layers change by an ever smaller amount; the ratio seen last bounds what is
-      // left.
-      const double ratio = std::min(0.99, last_change > 0 ? change / last_change : 0);
-      if (layer + 1 < top_layer(settings_)) truncation_bound_ = change * ratio / (1 - ratio);
-      break;
+  if (!has_deep_records()) {
+    auto deep = bake_deep_records(lighting_, settings_, effects_, request_, origin_);
+    if (!deep) {
+      stopped_ = true;
+    } else if (has_room_for(deep->records.size())) {
+      orders_ = deep->orders;
+      truncation_bound_ = deep->truncation_bound;
+      stats_.counters += deep->counters;
+      seal(std::move(deep->records));
     }
-    last_change = change;
   }
   stats_.seconds.emplace_back(
       "bounces", std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
@@ -389,11 +370,12 @@ void Baker::bake_deeper() {
 void Baker::bake_top() {
   if (!effects_.indirect || is_stopped()) return;
   const auto start = std::chrono::steady_clock::now();
+  deep_ = cache_;
+  below_ = light_below(*deep_, settings_, world_);
   if (request_.everywhere)
-    everywhere(top_layer(settings_), "gather");
+    everywhere();
   else
-    views(top_layer(settings_));
-  ++layers_;
+    views();
   report("gather", 1);
   stats_.seconds.emplace_back(
       "gather", std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
@@ -405,9 +387,9 @@ BakeResult Baker::finish() {
     records_.clear();
     seal(std::move(all));
   }
-  stats_.counters = maker_.counters();
+  stats_.counters += maker_.counters();
   stats_.records_added = records_.size() - existing_;
-  return {cache_, std::move(stats_), truncation_bound_, layers_, stopped_, is_at_limit_};
+  return {cache_, std::move(stats_), truncation_bound_, orders_, stopped_, is_at_limit_};
 }
 
 void check(const BakeSettings& s) {
@@ -422,16 +404,16 @@ BakeResult bake(const Lighting& lighting, const BakeSettings& settings, const Ba
                 const IrradianceCache* existing) {
   check(settings);
   Baker baker(lighting, settings, request, existing);
-  baker.bake_deeper();
+  baker.bake_deep();
   baker.bake_top();
   return baker.finish();
 }
 
-BakeResult bake_deeper_layers(const Lighting& lighting, const BakeSettings& settings,
-                              const BakeRequest& request, const IrradianceCache* existing) {
+BakeResult bake_deep(const Lighting& lighting, const BakeSettings& settings,
+                     const BakeRequest& request, const IrradianceCache* existing) {
   check(settings);
   Baker baker(lighting, settings, request, existing);
-  baker.bake_deeper();
+  baker.bake_deep();
   return baker.finish();
 }
 

@@ -80,23 +80,19 @@ struct BakeStats {
 struct BakeResult {
   std::shared_ptr<const IrradianceCache> cache;
   BakeStats stats;
-  // Bound on what bounces left out could add, relative to the mean irradiance: the last layer's change,
-  // continued at the ratio of successive changes. 0 when every bounce asked for was baked.
+  // No deep record's rest, from bounces that were left out, is larger than this part of its light, so
+  // neither is that of any irradiance. 0 when every bounce asked for was added up, or was before.
   double truncation_bound = 0;
-  int layers = 0;           // Baked or found, the top one included.
+  int orders = 0;           // Reflections that this bake added up at deep records.
   // stop_requested() said so, or a limit is reached; what is in the cache is whole waves or cells.
   bool is_stopped = false;
   bool is_at_record_limit = false;
 };
 
-// The layer that eye rays ask. Layer l answers the gathers of the layers above it.
-inline int top_layer(const BakeSettings& settings) { return settings.bounces; }
 inline constexpr int kMaxBounces = 250;
 
-// What gathers for `layer` see at their hits: the deepest light is the medium's and that of emitters
-// which only gathers see, each layer above reflects once more. Uses the highest layer below that was
-// baked, which stands for all above it (bake() stops when a layer changes next to nothing).
-HitLight light_below(const IrradianceCache& cache, int layer);
+// What gathers for top records see at their hits.
+HitLight light_below(const IrradianceCache& cache, const BakeSettings& settings, const World& world);
 
 // Split-sphere radius [WRC88] of a gather, both axes alike: accuracy times mean distance, limited by the
 // gradient (|grad E| R <= accuracy * E along the surface) and to [min_radius, max_radius] of the diagonal.
@@ -108,9 +104,9 @@ double split_sphere_radius(const GatherResult& gather, const Vec3d& normal,
 BakeResult bake(const Lighting& lighting, const BakeSettings& settings, const BakeRequest& request,
                 const IrradianceCache* existing);
 
-// Only the layers below the top one, over all surfaces: what probes and single gathers need.
-BakeResult bake_deeper_layers(const Lighting& lighting, const BakeSettings& settings,
-                              const BakeRequest& request, const IrradianceCache* existing);
+// Only the deep records: what probes and single gathers need.
+BakeResult bake_deep(const Lighting& lighting, const BakeSettings& settings,
+                     const BakeRequest& request, const IrradianceCache* existing);
 
 // A pixel's footprint in records: where less wide, records act as if this many pixels wide, both when
 // placing and when rendering.

@@ -67,6 +67,12 @@ std::vector<SurfacePoint> SurfacePoints::points(double spacing, std::uint64_t se
   return points;
 }
 
+int placement_waves(double coarsest, double finest) {
+  constexpr int kMostWaves = 128;
+  return std::min(kMostWaves,
+                  static_cast<int>(std::ceil(std::log2(std::max(1.0, coarsest / finest)))) + 2);
+}
+
 std::vector<SurfacePoint> thin(const std::vector<SurfacePoint>& points, double distance) {
   std::unordered_map<std::array<std::int64_t, 3>, std::vector<std::size_t>, CellHash> grid;
   const auto cell_of = [&](const Vec3d& p) {

@@ -30,6 +30,13 @@ class SurfacePoints {
   std::vector<std::pair<std::uint32_t, std::uint32_t>> triangle_;
 };
 
+// Waves over all surfaces, each twice as dense as the one before, from `coarsest` until nothing is left
+// open at `finest`.
+int placement_waves(double coarsest, double finest);
+
+// Candidates count as covered a little inside a record's edge, where its weight is not yet 0.
+inline constexpr double kCoveredWithin = 0.8;
+
 // Those of `points`, in order, that keep `distance` from every one kept before on the same side.
 std::vector<SurfacePoint> thin(const std::vector<SurfacePoint>& points, double distance);
 

@@ -1,22 +1,16 @@
 #include "bake/bake.h"
+#include "bake/deep_bake.h"
 
 namespace brume {
 
-HitLight light_below(const IrradianceCache& cache, int layer) {
+HitLight light_below(const IrradianceCache& cache, const BakeSettings& settings,
+                     const World& world) {
   HitLight light;
-  light.reflect = layer > 0;
-  int highest = -1;
-  for (const SurfaceRecord& r : cache.records())
-    if (r.layer() < layer) highest = std::max(highest, r.layer());
-  if (light.reflect && highest >= 0) {
-    light.cache = &cache;
-    light.layer = highest;
-    // No record is narrower, so this widens nobody; where nobody answers, it is where widening starts.
-    double narrowest = kInfinity;
-    for (const SurfaceRecord& r : cache.records())
-      if (r.layer() == highest) narrowest = std::min<double>(narrowest, std::min(r.radius[0], r.radius[1]));
-    light.min_radius = narrowest;
-  }
+  light.reflect = settings.bounces > 0;
+  if (cache.records().empty() || cache.records().front().layer() != kDeepLayer) return light;
+  light.cache = &cache;
+  light.layer = kDeepLayer;
+  light.min_radius = deep_settings(settings).min_radius * world.diagonal();
   return light;
 }
 

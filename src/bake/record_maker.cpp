@@ -9,11 +9,6 @@
 namespace brume {
 namespace {
 
-// Deeper layers are seen only through another gather, which averages them: half the cells each way,
-// twice the spacing, and no small radii.
-constexpr int kDeeperCellsDivisor = 2;
-constexpr double kDeeperErrorFactor = 2, kDeeperMinRadiusFactor = 8;
-
 Vec3d vector(const float* v) { return {v[0], v[1], v[2]}; }
 
 }  // namespace
@@ -26,30 +21,15 @@ Vec3d bake_origin(const World& world) {
 }
 
 RecordMaker::RecordMaker(const Lighting& lighting, const Effects& effects,
-                         const BakeSettings& settings, const Vec3d& origin, int threads,
-                         CacheJournal* journal)
+                         const BakeSettings& settings, const Vec3d& origin, int threads)
     : lighting_(lighting),
       effects_(effects),
       settings_(settings),
       origin_(origin),
       threads_(threads),
-      journal_(journal) {}
-
-void RecordMaker::use_layer(int layer, std::shared_ptr<const IrradianceCache> sealed) {
-  layer_settings_ = settings_;
-  if (layer < top_layer(settings_)) {
-    GatherOptions& g = layer_settings_.gather;
-    g.cells_theta = std::max(4, g.cells_theta / kDeeperCellsDivisor);
-    g.cells_phi = std::max(8, g.cells_phi / kDeeperCellsDivisor);
-    layer_settings_.error *= kDeeperErrorFactor;
-    layer_settings_.min_radius =
-        std::min(layer_settings_.max_radius, layer_settings_.min_radius * kDeeperMinRadiusFactor);
-  }
-  workers_.resize(static_cast<std::size_t>(resolve_thread_count(threads_)));
+      workers_(static_cast<std::size_t>(resolve_thread_count(threads))) {
   for (Worker& w : workers_)
-    w.gatherer = std::make_unique<Gatherer>(lighting_, effects_, layer_settings_.gather);
-  sealed_ = std::move(sealed);
-  below_ = light_below(*sealed_, layer);
+    w.gatherer = std::make_unique<Gatherer>(lighting_, effects_, settings_.gather);
 }
 
 SurfaceRecord RecordMaker::place(const SurfacePoint& point, int layer, int wave) const {
@@ -64,19 +44,13 @@ SurfaceRecord RecordMaker::place(const SurfacePoint& point, int layer, int wave)
   return r;
 }
 
-void RecordMaker::gather(double offset, SurfaceRecord& r, int slot) {
-  if (const SurfaceRecord* known = journal_ ? journal_->find(r.layer(), r.key) : nullptr) {
-    const std::uint32_t flags = r.flags;
-    r = *known;
-    r.flags = flags;
-    return;
-  }
+GatherResult RecordMaker::gather(double offset, const HitLight& light, SurfaceRecord& r, int slot) {
   // The point as stored, so that the record is a function of what is in the file.
   const Vec3d normal = vector(r.normal).normalized();
   const GatherPoint at{vector(r.position) + origin_, normal, offset,
                        random_key(settings_.seed, r.key)};
   Worker& worker = workers_[static_cast<std::size_t>(slot)];
-  const GatherResult g = worker.gatherer->gather(at, below_, worker.counters);
+  const GatherResult g = worker.gatherer->gather(at, light, worker.counters);
   const RgbGradient gradient = g.terms.sum();
   const Frame frame(normal);
   for (int c = 0; c < 3; ++c) {
@@ -88,12 +62,12 @@ void RecordMaker::gather(double offset, SurfaceRecord& r, int slot) {
   if (settings_.gather.gradient == GradientMode::None)
     std::fill(std::begin(r.rotational), std::end(r.rotational), 0.0f);
   const double radius =
-      split_sphere_radius(g, normal, layer_settings_, lighting_.world().diagonal());
+      split_sphere_radius(g, normal, settings_, lighting_.world().diagonal());
   r.radius[0] = r.radius[1] = static_cast<float>(radius);
   r.error = static_cast<float>(g.error);
   const double all = luminance(g.irradiance);
   r.media_share = all > 0 ? static_cast<float>(luminance(g.irradiance_media) / all) : 0;
-  if (journal_) journal_->add(r);
+  return g;
 }
 
 void RecordMaker::clamp_by_neighbours(std::vector<SurfaceRecord>& fresh, int layer,

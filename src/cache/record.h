@@ -27,6 +27,9 @@ struct SurfaceRecord {
 };
 static_assert(sizeof(SurfaceRecord) == 128 && std::is_trivially_copyable_v<SurfaceRecord>);
 
+// Deep records hold what gathers see at their hits, solved for all bounces; top records, what eyes see.
+enum SurfaceLayer : int { kDeepLayer = 0, kTopLayer = 1 };
+
 inline constexpr std::uint32_t kRadiusClampedFlag = 1u << 16;
 // From a view that was stopped before its last tile: answers like any other, but a bake that resumes
 // decides again whether it is needed, as if it had not been stopped.

@@ -162,7 +162,7 @@ int bake_scene(const BakeOptions& options, const CommandContext& context) {
       "bake", [&] { return bake(lighting, settings, request, session.existing().get()); });
   statistics.add_bake(baked.stats);
   statistics.records = baked.cache->records().size();
-  statistics.details["layers"] = baked.layers;
+  statistics.details["orders"] = baked.orders;
   statistics.details["truncation_bound"] = baked.truncation_bound;
   if (!baked.is_stopped) progress.finish();
   const bool is_saved = statistics.timed("write", [&] { return session.save(baked, request); });

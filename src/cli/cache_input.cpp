@@ -17,14 +17,6 @@ CacheContents read_cache_contents(const std::filesystem::path& file) {
   throw Error(ErrorKind::InvalidInput, message);
 }
 
-int top_layer_of(const CacheHeader& header) {
-  const Json settings = Json::parse(header.settings, nullptr, false);
-  if (!settings.is_object() || !settings.contains("bounces") ||
-      !settings["bounces"].is_number_integer())
-    return -1;
-  return static_cast<int>(std::clamp<std::int64_t>(settings["bounces"], -1, 255));
-}
-
 Json settings_json(const std::string& text) {
   Json settings = Json::parse(text, nullptr, false);
   return settings.is_discarded() ? Json(printable(text)) : settings;

@@ -12,9 +12,6 @@ namespace brume {
 // What a complete cache holds. Throws Error(InvalidInput) with state and reason for any other.
 CacheContents read_cache_contents(const std::filesystem::path& file);
 
-// The layer that eye rays ask, by the settings; -1 where they do not tell.
-int top_layer_of(const CacheHeader& header);
-
 // Settings are a person's JSON text; one that does not parse is still shown.
 Json settings_json(const std::string& text);
 

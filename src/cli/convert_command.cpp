@@ -64,9 +64,7 @@ void check(const ConvertOptions& options, Target target) {
 // Exports show one layer unless asked: records of several lie in the same places.
 std::size_t choose_layer(const ConvertOptions& options, CacheContents& contents) {
   if (options.all_layers) return contents.records.size();
-  int layer = options.layer.value_or(top_layer_of(contents.header));
-  if (layer < 0)
-    for (const SurfaceRecord& r : contents.records) layer = std::max(layer, r.layer());
+  const int layer = options.layer.value_or(kTopLayer);
   std::erase_if(contents.records, [&](const SurfaceRecord& r) { return r.layer() != layer; });
   return contents.records.size();
 }

@@ -11,14 +11,14 @@ namespace {
 
 constexpr std::size_t kSurfacePoints = 1 << 16;
 
-bool is_covered(const World& world, const BakeSettings& settings, const IrradianceCache& cache,
-                const Hit& hit, const Vec3d& normal, double min_radius) {
+bool is_covered(const World& world, const IrradianceCache& cache, const Hit& hit,
+                const Vec3d& normal, double min_radius) {
   if (!world.material(hit).reflects()) return true;
-  return cache.covers({top_layer(settings), hit.position, normal, min_radius});
+  return cache.covers({kTopLayer, hit.position, normal, min_radius});
 }
 
-Coverage of_view(const World& world, const BakeSettings& settings, const IrradianceCache& cache,
-                 const BakeView& view, int threads) {
+Coverage of_view(const World& world, const IrradianceCache& cache, const BakeView& view,
+                 int threads) {
   const CameraRays rays(view.camera, view.width, view.height);
   std::atomic<std::size_t> asked{0}, uncovered{0};
   parallel_for(threads, static_cast<std::size_t>(view.height), 4, [&](std::size_t y) {
@@ -29,7 +29,7 @@ Coverage of_view(const World& world, const BakeSettings& settings, const Irradia
       const double side = hit.normal.dot(ray.direction) < 0 ? 1 : -1;
       const double footprint = kFootprintPixels * rays.pixel_angle() * hit.t;
       ++asked;
-      if (!is_covered(world, settings, cache, hit, hit.shading_normal * side, footprint))
+      if (!is_covered(world, cache, hit, hit.shading_normal * side, footprint))
         ++uncovered;
     }
   });
@@ -66,7 +66,7 @@ Coverage of_surfaces(const World& world, const BakeSettings& settings, const Irr
     const double root = std::sqrt(u.x);
     const Hit hit =
         world.tracer().point_on(triangle.mesh, triangle.index, {root * (1 - u.y), root * u.y});
-    if (!is_covered(world, settings, cache, hit, hit.shading_normal, 0)) ++uncovered;
+    if (!is_covered(world, cache, hit, hit.shading_normal, 0)) ++uncovered;
   });
   return {kSurfacePoints, uncovered};
 }
@@ -78,7 +78,7 @@ Coverage measure_coverage(const World& world, const BakeSettings& settings,
   if (request.everywhere) return of_surfaces(world, settings, cache, request.threads);
   Coverage sum;
   for (const BakeView& view : request.views) {
-    const Coverage one = of_view(world, settings, cache, view, request.threads);
+    const Coverage one = of_view(world, cache, view, request.threads);
     sum.asked += one.asked;
     sum.uncovered += one.uncovered;
   }

@@ -17,7 +17,7 @@ Answer ask(const PixelStory& story, const Hit& hit, const Ray& ray) {
   Answer answer;
   if (!story.cache || !hit.is_hit()) return answer;
   const double side = hit.normal.dot(ray.direction) < 0 ? 1 : -1;
-  const IrradianceQuery query{top_layer(*story.settings), hit.position, hit.shading_normal * side,
+  const IrradianceQuery query{kTopLayer, hit.position, hit.shading_normal * side,
                               kFootprintPixels * story.rays.pixel_angle() * hit.t};
   answer.records = story.cache->explain(query);
   for (const RecordWeight& r : answer.records) answer.weight_sum += r.weight;

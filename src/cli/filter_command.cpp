@@ -93,10 +93,10 @@ CacheContents read_input(const FilterOptions& options, const CommandContext& con
                                              check.opening.reason + ": nothing is left of it");
   context.warn(printable(options.input.string()) + ": " + check.opening.reason);
   CacheContents contents = std::move(check.opening.contents);
-  // A bake goes on after the last wave of a deeper bounce that it finds: one cut off in its middle
-  // must go.
-  if (!contents.records.empty() && contents.records.back().layer() != top_layer_of(contents.header))
-    contents.records.resize(contents.batch_ends.empty() ? 0 : contents.batch_ends.back());
+  // Deep records are all there or none of them counts: they come first, so without top records some
+  // may be lost.
+  if (!contents.records.empty() && contents.records.back().layer() != kTopLayer)
+    contents.records.clear();
   return contents;
 }
 
@@ -108,7 +108,7 @@ int filter(const FilterOptions& options, const CommandContext& context) {
   const std::size_t before = contents.records.size();
   RecordFilter choice = options.filter;
   choice.spacing = options.spacing;
-  choice.top_layer = top_layer_of(contents.header);
+  choice.top_layer = kTopLayer;
   choice.is_part = !is_whole;
   FilteredCache filtered = filter_records(std::move(contents), choice);
   const std::size_t kept = filtered.contents.records.size();

@@ -117,7 +117,7 @@ BakeResult bake_deeper_light(const Lighting& lighting, const BakeSettings& setti
   request.progress = progress.callback();
   request.stop_requested = SignalWatch::stop_requested;
   BakeResult baked = statistics.timed(
-      "bake", [&] { return bake_deeper_layers(lighting, settings, request, nullptr); });
+      "bake", [&] { return bake_deep(lighting, settings, request, nullptr); });
   statistics.add_bake(baked.stats);
   if (!baked.is_stopped) progress.finish();
   return baked;
@@ -127,7 +127,7 @@ Answers gather_answers(const ProbeOptions& options, const Lighting& lighting,
                        const BakeSettings& settings, const GatherOptions& point_options,
                        const IrradianceCache& deeper, Statistics& statistics) {
   const Effects effects = plan_effects(lighting.world(), settings.bounces, settings.volume_bounces);
-  const HitLight below = light_below(deeper, top_layer(settings));
+  const HitLight below = light_below(deeper, settings, lighting.world());
   const std::uint64_t seed = options.accuracy.seed.value_or(settings.seed);
   Answers a;
   a.point.position = *options.position;

@@ -147,7 +147,7 @@ int RenderRun::bake_view(const Lighting& lighting, const BakeSettings& settings,
   cache_ = session.existing();
   const BakeResult baked = statistics_.timed("bake", [&] {
     return options_.gather_everywhere
-               ? bake_deeper_layers(lighting, settings, request, cache_.get())
+               ? bake_deep(lighting, settings, request, cache_.get())
                : bake(lighting, settings, request, cache_.get());
   });
   statistics_.add_bake(baked.stats);

@@ -49,6 +49,7 @@ void CellGather::gather(const Vec3d& origin, const Frame& base, std::uint64_t ke
   const int n = cells_.count();
   cell_.assign(n, Cell());
   light_.assign(n, CellLight());
+  transmittance_.assign(n, RgbD(1));
   for (int c = 0; c < n; ++c)
     cell_[c].w = frame_.to_world(cells_.direction(c, shift)).normalized();
   trace(light, counters);
@@ -163,8 +164,9 @@ void CellGather::march_cell(int c, Counters& counters) {
   counters.march_rays += march.rays;
   counters.segments += march.segments;
   const int n = marcher_.shell_count();
-  const RgbD reaching = exp_neg(marcher_.tau(n));
+  const RgbD reaching = transmittance_[c] = exp_neg(marcher_.tau(n));
   light.surface = surfaces_.radiance(c) * reaching;
+  light.emitted = surfaces_.emitted(c) * reaching;
 
   shell_sums_.begin(n);
   RgbGradient directional;
@@ -214,6 +216,7 @@ Vec3d CellGather::bend_integral(int volume, int shell, double inverse_t) const {
 void CellGather::add_surface(int c) {
   CellLight& light = light_[c];
   light.surface = surfaces_.radiance(c);
+  light.emitted = surfaces_.emitted(c);
   if (is_black(light.surface)) return;
   light.over_distance = luminance(light.surface) / cell_[c].s;
   if (!is_full()) return;
@@ -223,6 +226,27 @@ void CellGather::add_surface(int c) {
   if (surfaces_.has_derivatives())
     light.directional -=
         perpendicular(surfaces_.direction_derivative(c), cell_[c].w) * (1 / cell_[c].s);
+}
+
+std::vector<Stratum> CellGather::strata() const {
+  std::vector<Stratum> strata;
+  for (int c = 0; c < cells_.count(); ++c) {
+    const Hit& hit = hits_[c];
+    if (!hit.is_hit()) continue;
+    const RgbD reflectance = transmittance_[c] * diffuse_reflectance(world_.material(hit)) * kInvPi;
+    if (is_black(reflectance)) continue;
+    const Vec3d normal = reflecting_normal(hit, cell_[c].w);
+    Stratum s{};
+    for (int a = 0; a < 3; ++a) {
+      s.direction[a] = static_cast<float>(cell_[c].w[a]);
+      s.normal[a] = static_cast<float>(normal[a]);
+      s.reflectance[a] = static_cast<float>(reflectance[a]);
+    }
+    s.distance = static_cast<float>(hit.t);
+    s.measure = static_cast<float>(cells_.cell(c).measure);
+    strata.push_back(s);
+  }
+  return strata;
 }
 
 void CellGather::look_here(Counters& counters) {

@@ -20,6 +20,7 @@ namespace brume {
 // Radiance that arrives along one cell's direction.
 struct CellLight {
   RgbD surface, media;
+  RgbD emitted;  // Part of surface: emitters that only gathers see.
   double over_distance = 0;  // Luminance of light times 1/t of where it comes from.
   // T3 and T4 of gradients.md 3 without the cell's measure; with mode Full only.
   RgbGradient grad_sigma, directional;
@@ -43,6 +44,8 @@ class CellGather {
   Vec3d direction(int c) const { return cell_[c].w; }
   double hit_distance(int c) const { return cell_[c].s; }  // Infinite for a miss.
   const CellLight& light(int c) const { return light_[c]; }
+  // Those that reflect, where `reflect` of HitLight or deeper light would be seen.
+  std::vector<Stratum> strata() const;
   int shell_count() const { return boundaries_.empty() ? 0 : static_cast<int>(boundaries_.size()) - 1; }
   bool has_radial_term() const { return !boundaries_.empty() && (!is_black(sigma_here_) || effects_.emission); }
   // sigma L - Q of T1 for a cell, once look_here() has found what the medium sends from the point
@@ -101,6 +104,7 @@ class CellGather {
   std::vector<Ray> rays_;
   std::vector<Hit> hits_;
   std::vector<CellLight> light_;
+  std::vector<RgbD> transmittance_;  // Up to the hit, by cell.
   std::vector<double> inverse_r_;  // 1/r at each side of a wall.
   std::vector<RgbD> phi_;          // Phi of gradients.md 3, at each side of a wall.
   std::vector<double> boundaries_, shell_shift_, jitter_;

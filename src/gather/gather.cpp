@@ -77,6 +77,8 @@ GatherResult Gatherer::Impl::gather(const GatherPoint& point, const HitLight& li
     const double g = cells.cell(c).measure;
     result.irradiance_media += seen.media * g;
     result.irradiance_surface += seen.surface * g;
+    result.irradiance_emitted += seen.emitted * g;
+    result.nearest = std::min(result.nearest, around.hit_distance(c));
     light_over_distance += g * seen.over_distance;
     result.rotational += outer(seen.total(), around.frame().to_world(cells.cell(c).rotation));
     if (around.hit_distance(c) < kInfinity) inverse_distance += g / around.hit_distance(c);
@@ -128,6 +130,8 @@ GradientTerms Gatherer::Impl::terms_of(GradientMode of, Counters& counters) {
   }
   return terms;
 }
+
+std::vector<Stratum> Gatherer::strata() const { return impl_->around.strata(); }
 
 Gatherer::Gatherer(const Lighting& lighting, const Effects& effects, const GatherOptions& options)
     : impl_(std::make_unique<Impl>(lighting, effects, options)) {}

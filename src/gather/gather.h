@@ -11,6 +11,7 @@
 
 #include "cache/irradiance_cache.h"
 #include "gather/lighting.h"
+#include "gather/stratum.h"
 #include "plan/effects.h"
 
 namespace brume {
@@ -66,11 +67,13 @@ struct GradientTerms {
 // Gradients are per world unit.
 struct GatherResult {
   RgbD irradiance, irradiance_surface, irradiance_media;
+  RgbD irradiance_emitted;     // Part of irradiance_surface: emitters that only gathers see.
   GradientTerms terms;         // All zero in mode None; Ward-Heckbert has walls only.
   RgbGradient rotational;      // E(n') = E + (n x n') . rotational.
   double error = 0;            // Estimated standard error of the irradiance's luminance.
   double mean_distance = kInfinity;  // Harmonic mean distance of what is seen, split-sphere [WRC88].
   double light_distance = kInfinity; // Same, weighted by the light that arrives.
+  double nearest = kInfinity;        // Of the surfaces seen.
   int shells = 0;
 };
 
@@ -85,6 +88,9 @@ class Gatherer {
 
   // Gradients of another mode from the samples of the last gather(), which ran in mode Full.
   GradientTerms gradient(GradientMode mode);
+
+  // The strata of the last gather() that other light at their hits would change.
+  std::vector<Stratum> strata() const;
 
  private:
   struct Impl;

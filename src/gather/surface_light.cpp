@@ -21,7 +21,8 @@ RgbGradient lobe_derivative(const Material& material, const Vec3d& n, const Vec3
 }  // namespace
 
 void SurfaceLight::begin(std::size_t cells) {
-  radiance_.assign(cells, RgbD());
+  emitted_.assign(cells, RgbD());
+  reflected_.assign(cells, RgbD());
   derivative_.assign(cells, RgbGradient());
   pending_.clear();
   has_derivatives_ = false;
@@ -32,7 +33,7 @@ void SurfaceLight::add(std::size_t cell, const Hit& hit, const Vec3d& w, const H
   const World& world = lighting_.world();
   const Material& material = world.material(hit);
   if (!material.direct) {
-    radiance_[cell] += world.emission(hit, -w);
+    emitted_[cell] += world.emission(hit, -w);
     if (want_derivatives_ && material.emission_lobe) {
       derivative_[cell] -= world.emission_derivative(hit, -w);  // wo = -w.
       has_derivatives_ = true;
@@ -40,7 +41,7 @@ void SurfaceLight::add(std::size_t cell, const Hit& hit, const Vec3d& w, const H
   }
   if (!light.reflect || !material.reflects()) return;
   const bool from_front = hit.normal.dot(w) < 0;
-  const Vec3d n = from_front ? hit.shading_normal : -hit.shading_normal;
+  const Vec3d n = reflecting_normal(hit, w);
   const Vec3d ng = from_front ? hit.normal : -hit.normal;
   const Vec3d p = hit.position + ng * hit.offset;
 
@@ -59,7 +60,6 @@ void SurfaceLight::add(std::size_t cell, const Hit& hit, const Vec3d& w, const H
     pending_.push_back(pending);
   }
   if (light.cache == nullptr) return;
-  // Deeper light comes as irradiance: a glossy lobe reflects it as if it came evenly.
   IrradianceQuery query{light.layer, hit.position, n, light.min_radius};
   InterpolatedIrradiance e = light.cache->irradiance(query);
   ++counters.cache_queries;
@@ -69,7 +69,7 @@ void SurfaceLight::add(std::size_t cell, const Hit& hit, const Vec3d& w, const H
     e = light.cache->irradiance(query);
     if (widen == 0) ++counters.cache_misses;
   }
-  radiance_[cell] += e.irradiance * (RgbD(material.albedo) + RgbD(material.specular)) * kInvPi;
+  reflected_[cell] += e.irradiance * diffuse_reflectance(material) * kInvPi;
 }
 
 void SurfaceLight::finish(Counters& counters) {
@@ -82,7 +82,7 @@ void SurfaceLight::finish(Counters& counters) {
     if (occluded_[i]) continue;
     const Pending& p = pending_[i];
     const RgbD t = lighting_.transmittance(p.light, p.sample, p.origin, counters);
-    radiance_[p.cell] += p.reflected * t;
+    reflected_[p.cell] += p.reflected * t;
     if (has_derivatives_)
       for (int c = 0; c < 3; ++c) derivative_[p.cell][c] += p.derivative[c] * t[c];
   }

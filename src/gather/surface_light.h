@@ -8,6 +8,17 @@
 
 namespace brume {
 
+// What a surface makes of light that arrives as irradiance: a glossy lobe reflects it as if it came
+// evenly.
+inline RgbD diffuse_reflectance(const Material& material) {
+  return material.reflects() ? RgbD(material.albedo) + RgbD(material.specular) : RgbD();
+}
+
+// The shading normal on the side that reflects back along a ray of direction `w`.
+inline Vec3d reflecting_normal(const Hit& hit, const Vec3d& w) {
+  return hit.normal.dot(w) < 0 ? hit.shading_normal : -hit.shading_normal;
+}
+
 // Scratch memory of one thread.
 class SurfaceLight {
  public:
@@ -21,7 +32,9 @@ class SurfaceLight {
   // Traces what add() collected.
   void finish(Counters& counters);
 
-  const RgbD& radiance(std::size_t cell) const { return radiance_[cell]; }
+  RgbD radiance(std::size_t cell) const { return emitted_[cell] + reflected_[cell]; }
+  // Of emitters that only gathers see.
+  const RgbD& emitted(std::size_t cell) const { return emitted_[cell]; }
   // d L_o / d w at the fixed hit: how radiance changes as the surface is seen from elsewhere; zero but for
   // glossy surfaces and emission lobes, and only where wanted.
   const RgbGradient& direction_derivative(std::size_t cell) const { return derivative_[cell]; }
@@ -39,7 +52,7 @@ class SurfaceLight {
 
   const Lighting& lighting_;
   bool want_derivatives_;
-  std::vector<RgbD> radiance_;
+  std::vector<RgbD> emitted_, reflected_;
   std::vector<RgbGradient> derivative_;
   std::vector<Pending> pending_;
   std::vector<ShadowRay> shadow_rays_;

@@ -26,7 +26,7 @@ class PixelRenderer {
         camera_(camera), options_(options),
         effects_(plan_effects(world_, settings.bounces, settings.volume_bounces)),
         marcher_(world_.medium(), march_options()), source_(lighting, effects_),
-        hit_light_(lighting), below_(light_below(cache, top_layer(settings))) {}
+        hit_light_(lighting), below_(light_below(cache, settings, world_)) {}
 
   PixelResult pixel(int x, int y);
 
@@ -109,7 +109,7 @@ RgbD PixelRenderer::indirect(const Hit& hit, const Vec3d& n, double footprint, s
                              PixelResult& result) {
   if (!effects_.indirect) return {};
   if (!options_.gather_everywhere) {
-    IrradianceQuery query{top_layer(settings_), hit.position, n, footprint};
+    IrradianceQuery query{kTopLayer, hit.position, n, footprint};
     for (int stretch = 0; stretch <= kMostStretches; ++stretch, query.min_radius *= 2) {
       const InterpolatedIrradiance e = cache_.irradiance(query);
       ++counters.cache_queries;

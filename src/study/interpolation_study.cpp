@@ -55,7 +55,7 @@ InterpolationStudy study_interpolation(const StudyScene& scene, const Irradiance
       std::max(options.least_stride, static_cast<int>(std::sqrt(pixels / options.points)));
   // Off the lattice of pixels where most records lie.
   const PixelRect frame{stride / 2, stride / 2, options.view.width, options.view.height};
-  const int layer = top_layer(scene.settings());
+  constexpr int layer = kTopLayer;
 
   std::vector<SurfacePoint> points;
   for (const SurfacePoint& p : view_points(scene.world(), options.view, frame, stride, false))
@@ -69,7 +69,8 @@ InterpolationStudy study_interpolation(const StudyScene& scene, const Irradiance
       at.push_back({points[i].position, points[i].normal, points[i].offset,
                     random_key(options.seed, std::uint64_t{0x696e746572}, half, i)});
     references[half] =
-        gather_points(scene, gather, light_below(cache, layer), at, "converged irradiance", run);
+        gather_points(scene, gather, light_below(cache, scene.settings(), scene.world()), at,
+                      "converged irradiance", run);
   }
   NoiseFreeError own;
   for (std::size_t i = 0; i < points.size(); ++i) {

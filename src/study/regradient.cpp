@@ -7,10 +7,10 @@
 namespace brume {
 namespace {
 
-std::vector<SurfaceRecord> top_records(const StudyScene& scene, const IrradianceCache& cache) {
+std::vector<SurfaceRecord> top_records(const IrradianceCache& cache) {
   std::vector<SurfaceRecord> top;
   for (const SurfaceRecord& r : cache.records())
-    if (r.layer() == top_layer(scene.settings())) top.push_back(r);
+    if (r.layer() == kTopLayer) top.push_back(r);
   return top;
 }
 
@@ -43,14 +43,14 @@ void set_gradient(SurfaceRecord& r, const PointGather& g, std::size_t mode) {
 
 RegradientResult regradient(const StudyScene& scene, const IrradianceCache& cache,
                             const StudyRun& run) {
-  std::vector<SurfaceRecord> records = top_records(scene, cache);
+  std::vector<SurfaceRecord> records = top_records(cache);
   std::vector<GatherPoint> points;
   points.reserve(records.size());
   for (const SurfaceRecord& r : records) points.push_back(gather_point(scene, r, cache.origin()));
   GatherOptions options = scene.settings().gather;
   options.gradient = GradientMode::Full;
   const std::vector<PointGather> gathers =
-      gather_points(scene, options, light_below(cache, top_layer(scene.settings())), points,
+      gather_points(scene, options, light_below(cache, scene.settings(), scene.world()), points,
                     "gradients of every mode", run);
   RegradientResult result;
   for (std::size_t i = 0; i < records.size(); ++i)
@@ -71,7 +71,7 @@ RegradientResult regradient(const StudyScene& scene, const IrradianceCache& cach
 PairedCost compare_gather_cost(const StudyScene& scene, const IrradianceCache& cache,
                                GradientMode first, GradientMode second, std::size_t gathers,
                                const StudyRun& run) {
-  const std::vector<SurfaceRecord> records = top_records(scene, cache);
+  const std::vector<SurfaceRecord> records = top_records(cache);
   PairedCost cost;
   if (records.empty()) return cost;
   std::array<std::unique_ptr<Gatherer>, 2> gatherers;
@@ -80,7 +80,7 @@ PairedCost compare_gather_cost(const StudyScene& scene, const IrradianceCache& c
     options.gradient = g == 0 ? first : second;
     gatherers[g] = std::make_unique<Gatherer>(scene.lighting(), scene.effects(), options);
   }
-  const HitLight light = light_below(cache, top_layer(scene.settings()));
+  const HitLight light = light_below(cache, scene.settings(), scene.world());
   const std::size_t count = std::min(gathers, records.size());
   const auto point = [&](std::size_t i) {  // Spread over all records.
     return gather_point(scene, records[i * records.size() / count], cache.origin());

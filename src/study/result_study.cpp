@@ -131,7 +131,7 @@ ResultStudy ResultRun::run(const IrradianceCache& cache, const RegradientResult&
     const auto m = static_cast<std::size_t>(
         std::find(kGradientModes.begin(), kGradientModes.end(), kResultModes[mode]) -
         kGradientModes.begin());
-    render(mode, with_deeper_layers(caches.caches[m], cache, top_layer(scene_.settings())));
+    render(mode, with_deeper_layers(caches.caches[m], cache, kTopLayer));
   }
   return std::move(study_);
 }

@@ -57,7 +57,7 @@ BakeResult bake_layers_below(const StudyScene& scene, const std::string& stage,
     request.progress = [&](const std::string& inner, double fraction) {
       run.progress(stage + ", " + inner, fraction);
     };
-  BakeResult baked = bake_deeper_layers(scene.lighting(), scene.settings(), request, nullptr);
+  BakeResult baked = bake_deep(scene.lighting(), scene.settings(), request, nullptr);
   run.check_stop();
   return baked;
 }

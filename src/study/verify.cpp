@@ -35,7 +35,7 @@ Verification verify_cache(const Lighting& lighting, const BakeSettings& settings
   const World& world = lighting.world();
   std::vector<const SurfaceRecord*> top;
   for (const SurfaceRecord& r : cache.records())
-    if (r.layer() == top_layer(settings)) top.push_back(&r);
+    if (r.layer() == kTopLayer) top.push_back(&r);
   Verification v;
   if (top.empty()) return v;
 
@@ -43,7 +43,7 @@ Verification verify_cache(const Lighting& lighting, const BakeSettings& settings
   GatherOptions gather = settings.gather;
   gather.cells_theta = options.cells_theta;
   gather.cells_phi = options.cells_phi;
-  const HitLight below = light_below(cache, top_layer(settings));
+  const HitLight below = light_below(cache, settings, world);
 
   struct Outcome {
     VerifyPoint point;
@@ -66,7 +66,7 @@ Verification verify_cache(const Lighting& lighting, const BakeSettings& settings
     o.point.position = hit->position;
     o.point.normal = hit->normal.dot(n) > 0 ? hit->shading_normal : -hit->shading_normal;
     const InterpolatedIrradiance e =
-        cache.irradiance({top_layer(settings), hit->position, o.point.normal, 0});
+        cache.irradiance({kTopLayer, hit->position, o.point.normal, 0});
     o.covered = e.records > 0;
     if (!o.covered) return;
     if (!gatherers[slot]) gatherers[slot] = std::make_unique<Gatherer>(lighting, effects, gather);

@@ -75,7 +75,7 @@ void expect_same_means(const Scene& scene, const Camera& camera, int path_sample
   request.threads = 2;
   for (int i = 0; i < kSeeds; ++i) {
     stage.settings.seed = 1000 + i;
-    const BakeResult deeper = bake_deeper_layers(stage.lighting, stage.settings, request, nullptr);
+    const BakeResult deeper = bake_deep(stage.lighting, stage.settings, request, nullptr);
     CachedRenderOptions options;
     options.samples = 2;
     options.threads = 2;

@@ -31,8 +31,8 @@ int main(int argc, char** argv) {
   const Lighting lighting(world, {});
   BakeRequest request;
   request.everywhere = true;
-  const BakeResult deeper = bake_deeper_layers(lighting, settings, request, nullptr);
-  const HitLight below = light_below(*deeper.cache, top_layer(settings));
+  const BakeResult deeper = bake_deep(lighting, settings, request, nullptr);
+  const HitLight below = light_below(*deeper.cache, settings, world);
   const Effects effects = plan_effects(world, settings.bounces, settings.volume_bounces);
 
   const auto records = deeper.cache->records();

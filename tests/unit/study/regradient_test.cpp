@@ -46,7 +46,7 @@ class Regradient : public testing::Test {
     static const std::vector<SurfaceRecord> records = [] {
       std::vector<SurfaceRecord> all;
       for (const SurfaceRecord& r : cache().records())
-        if (r.layer() == top_layer(settings())) all.push_back(r);
+        if (r.layer() == kTopLayer) all.push_back(r);
       return all;
     }();
     return records;

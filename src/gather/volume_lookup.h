@@ -1,0 +1,42 @@
+// Volume records around a point, without those that a surface hides from it.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "cache/volume_cache.h"
+#include "scene/world.h"
+
+namespace brume {
+
+struct VolumePart {
+  std::uint32_t record;
+  float weight;
+};
+
+// World and cache must outlive it. Read from any thread.
+class VolumeLookup {
+ public:
+  VolumeLookup(const World& world, const VolumeCache& cache);
+
+  const VolumeCache& cache() const { return cache_; }
+  // Records that cover p and see it, in record order; weights sum to 1. Where there is none, radii
+  // are doubled, up to kMostDoublings times; empty where still none is found.
+  void find(const Vec3d& p, std::vector<VolumePart>& parts) const;
+  // Whether find() needs no doubling.
+  bool covers(const Vec3d& p) const;
+  // Moments at p by values and gradients, three channels each: their weighted mean. A record's fluence
+  // stays within 0 and twice its value, at which all its gradients are cut short. False where find()
+  // is empty; then all are 0.
+  bool moments(const Vec3d& p, std::span<float> out) const;
+
+ private:
+  bool is_visible(const Vec3d& p, std::uint32_t record) const;
+
+  static constexpr int kMostDoublings = 12;
+  const World& world_;
+  const VolumeCache& cache_;
+  double least_radius_ = 0;
+};
+
+}  // namespace brume
