@@ -49,8 +49,9 @@ class Baker {
           unfinished_.emplace(r.key, r);
       }
       existing_ = existing->records().size();
+      volume_ = existing->volume();
     }
-    cache_ = std::make_shared<IrradianceCache>(records_, origin_);
+    cache_ = cache_of(records_);
   }
 
   void bake_deep();
@@ -72,8 +73,13 @@ class Baker {
     stopped_ = is_at_limit_ = true;
     return false;
   }
-  bool has_deep_records() const {
+  bool has_deep_surfaces() const {
     return !records_.empty() && records_.front().layer() == kDeepLayer;
+  }
+  // With the records of the medium.
+  std::shared_ptr<const IrradianceCache> cache_of(Records records) const {
+    return std::make_shared<IrradianceCache>(std::move(records), origin_,
+                                             std::span<const std::uint32_t>(), volume_);
   }
   int next_wave_everywhere() const;
   void everywhere();
@@ -113,10 +119,10 @@ class Baker {
   std::mutex units_mutex_, snapshot_mutex_;
   std::shared_ptr<const IrradianceCache> cache_;
   RecordMaker maker_;
+  std::shared_ptr<const VolumeCache> volume_;
   std::shared_ptr<const IrradianceCache> deep_;  // What the gathers of top records see.
   HitLight below_;
-  double truncation_bound_ = 0;
-  int orders_ = 0;
+  DeepStats deep_stats_;
   std::atomic<bool> stopped_ = false;
   bool is_at_limit_ = false;
   BakeStats stats_;
@@ -175,7 +181,7 @@ void Baker::seal(Records fresh) {
                                return a.key == b.key && a.layer() == b.layer();
                              }),
                  records_.end());
-  cache_ = std::make_shared<IrradianceCache>(records_, origin_);
+  cache_ = cache_of(records_);
 }
 
 // A wave is sealed whole or not at all, so those up to the last one with records are done.
@@ -346,21 +352,23 @@ void Baker::offer_snapshot() {
       }
   }
   const std::lock_guard lock(snapshot_mutex_);
-  request_.snapshot(std::make_shared<IrradianceCache>(with_unfinished(std::move(all)), origin_));
+  request_.snapshot(cache_of(with_unfinished(std::move(all))));
 }
 
 void Baker::bake_deep() {
-  if (!needs_deep_records(world_, settings_, effects_)) return;
+  const bool needs_surfaces = needs_deep_surfaces(world_, settings_, effects_);
+  if (!needs_surfaces && !effects_.multiple_scattering) return;
   const auto start = std::chrono::steady_clock::now();
-  if (!has_deep_records()) {
+  if ((needs_surfaces && !has_deep_surfaces()) ||
+      (effects_.multiple_scattering && cache_->volume()->size() == 0)) {
     auto deep = bake_deep_records(lighting_, settings_, effects_, request_, origin_);
     if (!deep) {
       stopped_ = true;
-    } else if (has_room_for(deep->records.size())) {
-      orders_ = deep->orders;
-      truncation_bound_ = deep->truncation_bound;
+    } else if (has_room_for(deep->surface.size())) {
+      deep_stats_ = deep->stats;
       stats_.counters += deep->counters;
-      seal(std::move(deep->records));
+      volume_ = std::make_shared<VolumeCache>(std::move(deep->volume), origin_);
+      seal(std::move(deep->surface));
     }
   }
   stats_.seconds.emplace_back(
@@ -371,7 +379,7 @@ void Baker::bake_top() {
   if (!effects_.indirect || is_stopped()) return;
   const auto start = std::chrono::steady_clock::now();
   deep_ = cache_;
-  below_ = light_below(*deep_, settings_, world_);
+  below_ = light_below(*deep_, settings_, world_, request_.threads);
   if (request_.everywhere)
     everywhere();
   else
@@ -389,7 +397,7 @@ BakeResult Baker::finish() {
   }
   stats_.counters += maker_.counters();
   stats_.records_added = records_.size() - existing_;
-  return {cache_, std::move(stats_), truncation_bound_, orders_, stopped_, is_at_limit_};
+  return {cache_, std::move(stats_), deep_stats_, stopped_, is_at_limit_};
 }
 
 void check(const BakeSettings& s) {

@@ -77,13 +77,24 @@ struct BakeStats {
   std::size_t records_added = 0;
 };
 
+// Of the solve for deep records; zeros where there was none, or it was found.
+struct DeepStats {
+  int orders = 0;       // Reflections that were added up.
+  int scatterings = 0;  // Most scatterings in the medium that were added up between two of them.
+  bool is_accelerated = false;  // Scatterings were summed by GMRES.
+  int applications = 0;         // Of the transport operator.
+  double ratio = 0;             // Of the last change to the one before, in the mean.
+  // No deep record's rest, from orders that were left out, is larger than this part of its light, so
+  // neither is that of any irradiance (DeepSolution). 0 when everything asked for was added up.
+  double truncation_bound = 0;
+  std::size_t surface_records = 0, volume_records = 0, strata = 0;
+  double seconds = 0;
+};
+
 struct BakeResult {
   std::shared_ptr<const IrradianceCache> cache;
   BakeStats stats;
-  // No deep record's rest, from bounces that were left out, is larger than this part of its light, so
-  // neither is that of any irradiance. 0 when every bounce asked for was added up, or was before.
-  double truncation_bound = 0;
-  int orders = 0;           // Reflections that this bake added up at deep records.
+  DeepStats deep;
   // stop_requested() said so, or a limit is reached; what is in the cache is whole waves or cells.
   bool is_stopped = false;
   bool is_at_record_limit = false;
@@ -91,8 +102,11 @@ struct BakeResult {
 
 inline constexpr int kMaxBounces = 250;
 
-// What gathers for top records see at their hits.
-HitLight light_below(const IrradianceCache& cache, const BakeSettings& settings, const World& world);
+// What gathers for top records see at their hits and in the medium. `cache` must outlive it.
+HitLight light_below(const IrradianceCache& cache, const BakeSettings& settings, const World& world,
+                     int threads);
+// The same of deep records alone, each as if at least `min_radius` wide.
+HitLight deep_light(const IrradianceCache& cache, const World& world, double min_radius, int threads);
 
 // Split-sphere radius [WRC88] of a gather, both axes alike: accuracy times mean distance, limited by the
 // gradient (|grad E| R <= accuracy * E along the surface) and to [min_radius, max_radius] of the diagonal.

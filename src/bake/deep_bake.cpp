@@ -1,10 +1,13 @@
 #include "bake/deep_bake.h"
 
 #include <algorithm>
+#include <chrono>
 #include <unordered_map>
 
+#include "bake/light_solve.h"
 #include "bake/placement.h"
 #include "bake/record_maker.h"
+#include "bake/volume_placement.h"
 #include "core/parallel.h"
 #include "core/random.h"
 
@@ -13,28 +16,43 @@ namespace {
 
 // Half the cells each way, twice the spacing, and no small radii.
 constexpr int kCellsDivisor = 2;
+constexpr int kMediumPoints = 4;
+// In a journal, deep records as their second gathers found them.
+constexpr int kSolvedLayer = 2;
 constexpr double kErrorFactor = 2, kMinRadiusFactor = 8;
 
 Vec3d vector(const float* v) { return {v[0], v[1], v[2]}; }
+
+// First gathers keep strata, and see lamps alone.
+BakeSettings first_settings(BakeSettings deep) {
+  deep.gather.medium_points = kMediumPoints;
+  return deep;
+}
 
 class DeepBake {
  public:
   DeepBake(const Lighting& lighting, const BakeSettings& settings, const Effects& effects,
            const BakeRequest& request, const Vec3d& origin)
-      : world_(lighting.world()),
+      : lighting_(lighting),
+        world_(lighting.world()),
         settings_(deep_settings(settings)),
+        first_settings_(first_settings(settings_)),
+        effects_(effects),
         request_(request),
         origin_(origin),
         finest_(settings_.min_radius * world_.diagonal()),
-        maker_(lighting, effects, settings_, origin, request.threads),
+        maker_(lighting, effects, first_settings_, origin, request.threads),
+        medium_(lighting, first_settings_, effects, origin, request.threads),
         cache_({}, origin) {}
 
-  bool place_everywhere();
-  bool place_at_uncovered_hits();
-  std::optional<DeepRecords> solve();
+  std::optional<DeepRecords> bake();
 
  private:
   using Records = std::vector<SurfaceRecord>;
+  struct Source {
+    DeepRow row;
+    double offset = 0;  // Clears the surface.
+  };
 
   bool is_stopped() {
     if (!stopped_ && request_.stop_requested && request_.stop_requested()) stopped_ = true;
@@ -46,24 +64,50 @@ class DeepBake {
   bool is_covered(const Vec3d& position, const Vec3d& normal) const {
     return cache_.covers({kDeepLayer, position, normal, finest_}, kCoveredWithin);
   }
+  bool place_everywhere();
+  bool place_at_uncovered_hits();
   bool bake_wave(const std::vector<SurfacePoint>& points);
-  // Gathers again at all records, for gradients: of light that `before` reflects.
-  bool add_gradients(Records& records, const IrradianceCache& before);
+  // What an earlier run's first gather found at a record that is placed.
+  bool find_first(SurfaceRecord& record, DeepRow& row) const;
+  // Hits of reflecting strata that no record covers.
+  void add_uncovered(const Vec3d& receiver, const Strata& strata,
+                     std::vector<SurfacePoint>& points) const;
+  Records with_light(const std::vector<RgbD>& light) const;
+  // Gathers again at all records, now that the light is known, for gradients.
+  bool add_gradients(Records& surface, const std::vector<RgbD>& before);
+  bool add_gradients(VolumeRecords& volume, const Records& surface);
 
+  const Lighting& lighting_;
   const World& world_;
-  BakeSettings settings_;
+  BakeSettings settings_, first_settings_;
+  const Effects& effects_;
   const BakeRequest& request_;
   Vec3d origin_;
   double finest_;
   RecordMaker maker_;
+  VolumePlacement medium_;
   IrradianceCache cache_;  // Of records_, whose light is of their first gathers.
   Records records_;
-  std::unordered_map<std::uint64_t, DeepRow> rows_;      // By key.
-  std::unordered_map<std::uint64_t, double> offsets_;
-  std::vector<std::uint64_t> last_wave_;                 // Keys.
+  std::unordered_map<std::uint64_t, Source> sources_;  // By key.
+  std::vector<std::uint64_t> last_wave_;               // Keys.
+  std::shared_ptr<const VolumeCache> scattering_;      // Values of the solve, no gradients yet.
+  Counters counters_;
   int wave_ = 0;
   std::atomic<bool> stopped_ = false;
 };
+
+bool DeepBake::find_first(SurfaceRecord& record, DeepRow& row) const {
+  if (!request_.journal) return false;
+  const SurfaceRecord* known = request_.journal->find(kDeepLayer, record.key);
+  if (!known) return false;
+  std::optional<DeepRow> found = row_of(request_.journal->find_row(record.key));
+  if (!found || found->unreflected.size() != 1) return false;
+  const std::uint32_t flags = record.flags;
+  record = *known;
+  record.flags = flags;
+  row = std::move(*found);
+  return true;
+}
 
 bool DeepBake::bake_wave(const std::vector<SurfacePoint>& points) {
   Records fresh(points.size());
@@ -73,22 +117,25 @@ bool DeepBake::bake_wave(const std::vector<SurfacePoint>& points) {
   parallel_for_slots(request_.threads, points.size(), 1, [&](std::size_t i, int slot) {
     if (is_stopped()) return;
     fresh[i] = maker_.place(points[i], kDeepLayer, wave_);
+    if (find_first(fresh[i], rows[i])) return;
     const GatherResult g = maker_.gather(points[i].offset, lamps, fresh[i], slot);
     // Never farther than the gap that the record sees, however small: what lies past it may be another
     // room.
     const float gap =
         static_cast<float>(std::max<double>(g.nearest, std::numeric_limits<float>::min()));
     for (float& radius : fresh[i].radius) radius = std::min(radius, gap);
-    rows[i] = {g.irradiance_media + g.irradiance_emitted,
-               g.irradiance_surface - g.irradiance_emitted, maker_.strata(slot)};
+    rows[i] = {{g.irradiance_media + g.irradiance_emitted},
+               {g.irradiance_surface - g.irradiance_emitted},
+               maker_.strata(slot)};
+    if (request_.journal) request_.journal->add(fresh[i], bytes_of(rows[i]));
   });
   if (stopped_) return false;
   maker_.clamp_by_neighbours(fresh, kDeepLayer, {&cache_});
   last_wave_.clear();
   for (std::size_t i = 0; i < fresh.size(); ++i) {
     // Two hits may be the very same point.
-    if (!rows_.emplace(fresh[i].key, std::move(rows[i])).second) continue;
-    offsets_.emplace(fresh[i].key, points[i].offset);
+    if (!sources_.emplace(fresh[i].key, Source{std::move(rows[i]), points[i].offset}).second)
+      continue;
     last_wave_.push_back(fresh[i].key);
     records_.push_back(fresh[i]);
   }
@@ -120,84 +167,164 @@ bool DeepBake::place_everywhere() {
   return true;
 }
 
+void DeepBake::add_uncovered(const Vec3d& receiver, const Strata& strata,
+                             std::vector<SurfacePoint>& points) const {
+  for (const Stratum& s : strata.strata) {
+    const Vec3d normal = vector(s.normal);
+    if (!s.reflects() || cache_.covers({kDeepLayer, receiver + s.way() * double(s.distance), normal,
+                                        finest_}))
+      continue;
+    const Hit hit = world_.tracer().intersect({receiver, s.way().normalized()});
+    if (hit.is_hit()) points.push_back({hit.position, normal, hit.offset, 0});
+  }
+}
+
 // What waves over all surfaces left open and some gather sees becomes a record, until none is left.
 bool DeepBake::place_at_uncovered_hits() {
-  std::unordered_map<std::uint64_t, const SurfaceRecord*> by_key;
+  const std::vector<DeepRow>& of_medium = medium_.rows();
+  std::vector<std::vector<SurfacePoint>> found(of_medium.size());
+  parallel_for(request_.threads, found.size(), 16, [&](std::size_t i) {
+    add_uncovered(vector(medium_.records().records[i].position) + origin_, of_medium[i].strata,
+                  found[i]);
+  });
+  last_wave_.clear();
   for (const SurfaceRecord& r : records_) last_wave_.push_back(r.key);
-  std::sort(last_wave_.begin(), last_wave_.end());
-  last_wave_.erase(std::unique(last_wave_.begin(), last_wave_.end()), last_wave_.end());
-  while (!last_wave_.empty()) {
-    by_key.clear();
+  for (;;) {
+    std::unordered_map<std::uint64_t, const SurfaceRecord*> by_key;
     for (const SurfaceRecord& r : records_) by_key.emplace(r.key, &r);
-    std::vector<std::vector<SurfacePoint>> found(last_wave_.size());
+    const std::size_t first = found.size();
+    found.resize(first + last_wave_.size());
     parallel_for(request_.threads, last_wave_.size(), 16, [&](std::size_t i) {
-      const std::uint64_t key = last_wave_[i];
-      const SurfaceRecord& r = *by_key.at(key);
-      const Vec3d receiver = vector(r.position) + origin_ + vector(r.normal) * offsets_.at(key);
-      for (const Stratum& s : rows_.at(key).strata) {
-        const Vec3d normal = vector(s.normal);
-        if (cache_.covers({kDeepLayer, s.hit(receiver), normal, finest_})) continue;
-        const Hit hit = world_.tracer().intersect({receiver, vector(s.direction).normalized()});
-        if (hit.is_hit()) found[i].push_back({hit.position, normal, hit.offset, 0});
-      }
+      const SurfaceRecord& r = *by_key.at(last_wave_[i]);
+      const Source& source = sources_.at(r.key);
+      add_uncovered(vector(r.position) + origin_ + vector(r.normal) * source.offset,
+                    source.row.strata, found[first + i]);
     });
     std::vector<SurfacePoint> open;
     for (const auto& points : found) open.insert(open.end(), points.begin(), points.end());
+    found.clear();
     if (open.empty()) return true;
     if (is_stopped() || !bake_wave(thin(open, 0.7 * finest_))) return false;
   }
-  return true;
 }
 
-bool DeepBake::add_gradients(Records& records, const IrradianceCache& before) {
-  HitLight light;
+DeepBake::Records DeepBake::with_light(const std::vector<RgbD>& light) const {
+  Records records = records_;
+  for (std::size_t i = 0; i < records.size(); ++i) {
+    for (int c = 0; c < 3; ++c) records[i].irradiance[c] = static_cast<float>(light[i][c]);
+    std::fill(std::begin(records[i].gradient), std::end(records[i].gradient), 0.0f);
+    std::fill(std::begin(records[i].rotational), std::end(records[i].rotational), 0.0f);
+  }
+  return records;
+}
+
+bool DeepBake::add_gradients(Records& surface, const std::vector<RgbD>& before) {
+  const IrradianceCache reflected(with_light(before), origin_, {}, scattering_);
+  HitLight light = deep_light(reflected, world_, finest_, request_.threads);
   light.reflect = settings_.bounces > 1;
-  if (light.reflect) light.cache = &before;
-  light.layer = kDeepLayer;
-  light.min_radius = finest_;
+  if (!light.reflect) light.cache = nullptr;
+  RecordMaker maker(lighting_, effects_, settings_, origin_, request_.threads);
   std::atomic<std::size_t> done = 0;
-  parallel_for_slots(request_.threads, records.size(), 1, [&](std::size_t i, int slot) {
+  parallel_for_slots(request_.threads, surface.size(), 1, [&](std::size_t i, int slot) {
     if (is_stopped()) return;
-    SurfaceRecord again = records[i];
-    maker_.gather(offsets_.at(again.key), light, again, slot);
+    SurfaceRecord again = surface[i];
+    again.flags = record_flags(kSolvedLayer, again.wave());
+    const SurfaceRecord* known =
+        request_.journal ? request_.journal->find(kSolvedLayer, again.key) : nullptr;
+    if (known) {
+      again = *known;
+    } else {
+      maker.gather(sources_.at(again.key).offset, light, again, slot);
+      if (request_.journal) request_.journal->add(again);
+    }
     // Where it lies, how far it reaches and what it receives stay.
-    std::copy_n(again.gradient, 9, records[i].gradient);
-    std::copy_n(again.rotational, 6, records[i].rotational);
-    records[i].error = again.error;
-    records[i].media_share = again.media_share;
-    if (slot == 0) report(0.7 + 0.3 * double(++done) / double(records.size()));
+    std::copy_n(again.gradient, 9, surface[i].gradient);
+    std::copy_n(again.rotational, 6, surface[i].rotational);
+    surface[i].error = again.error;
+    surface[i].media_share = again.media_share;
+    if (slot == 0) report(0.7 + 0.2 * double(++done) / double(surface.size()));
   });
+  counters_ += maker.counters();
   return !stopped_;
 }
 
-std::optional<DeepRecords> DeepBake::solve() {
-  std::vector<DeepRow> rows;
-  for (const SurfaceRecord& r : records_) rows.push_back(std::move(rows_.at(r.key)));
-  const SurfaceTransport transport(cache_, rows, finest_, request_.threads);
-  report(0.7);
-  const DeepSolution solution = solve_deep_light(transport, rows, settings_.bounces);
-  const auto with_light = [&](const DeepLight& light) {
-    Records records = records_;
-    for (std::size_t i = 0; i < records.size(); ++i) {
-      for (int c = 0; c < 3; ++c) records[i].irradiance[c] = static_cast<float>(light[i][c]);
-      std::fill(std::begin(records[i].gradient), std::end(records[i].gradient), 0.0f);
-      std::fill(std::begin(records[i].rotational), std::end(records[i].rotational), 0.0f);
-    }
-    return records;
-  };
+bool DeepBake::add_gradients(VolumeRecords& volume, const Records& surface) {
+  const IrradianceCache reflected(surface, origin_, {}, scattering_);
+  HitLight light = deep_light(reflected, world_, finest_, request_.threads);
+  light.reflect = settings_.bounces > 0;
+  std::vector<std::unique_ptr<VolumeGatherer>> gatherers(
+      static_cast<std::size_t>(resolve_thread_count(request_.threads)));
+  std::vector<Counters> counters(gatherers.size());
+  parallel_for_slots(request_.threads, volume.size(), 1, [&](std::size_t i, int slot) {
+    if (is_stopped()) return;
+    auto& gatherer = gatherers[static_cast<std::size_t>(slot)];
+    if (!gatherer)
+      gatherer = std::make_unique<VolumeGatherer>(lighting_, effects_, settings_.gather, volume.order);
+    VolumeRecord& r = volume.records[i];
+    const VolumeGatherResult g =
+        gatherer->gather(vector(r.position) + origin_, random_key(settings_.seed, r.key), light,
+                         counters[static_cast<std::size_t>(slot)]);
+    const std::span<VolumeMoment> moments = volume.moments_of(i);
+    for (std::size_t k = 0; k < moments.size(); ++k)
+      for (int c = 0; c < 3; ++c)
+        for (int a = 0; a < 3; ++a)
+          moments[k].gradient[3 * c + a] = static_cast<float>(g.gradients[k][c][a]);
+    r.error = static_cast<float>(g.error);
+    const double all = luminance(g.fluence_surface + g.fluence_media);
+    r.media_share = all > 0 ? static_cast<float>(luminance(g.fluence_media) / all) : 0;
+  });
+  for (const Counters& c : counters) counters_ += c;
+  return !stopped_;
+}
+
+std::optional<DeepRecords> DeepBake::bake() {
+  const auto stopped = [this] { return is_stopped(); };
+  const bool has_surfaces = needs_deep_surfaces(world_, settings_, effects_);
+  if (has_surfaces && !place_everywhere()) return std::nullopt;
+  if (effects_.multiple_scattering && !medium_.place(stopped)) return std::nullopt;
+  if (has_surfaces && !place_at_uncovered_hits()) return std::nullopt;
+
+  const auto start = std::chrono::steady_clock::now();
+  std::vector<DeepRow> surface_rows;
+  for (const SurfaceRecord& r : records_)
+    surface_rows.push_back(std::move(sources_.at(r.key).row));
+  std::vector<DeepRow>& volume_rows = medium_.rows();
   DeepRecords deep;
-  deep.records = with_light(solution.light);
-  deep.orders = solution.orders;
-  deep.truncation_bound = solution.truncation_bound;
-  const IrradianceCache before(with_light(solution.before), origin_);
-  if (!add_gradients(deep.records, before)) return std::nullopt;
+  deep.volume = medium_.records();
+  const IrradianceCache places(records_, origin_, {},
+                               std::make_shared<VolumeCache>(deep.volume, origin_));
+  const LightTransport transport(world_, places, surface_rows, volume_rows, finest_,
+                                 request_.threads);
+  const DeepSolution solution = solve_deep_light(transport, surface_rows, volume_rows,
+                                                 settings_.bounces, settings_.volume_bounces);
+  deep.stats = {solution.orders,
+                solution.scatterings,
+                solution.is_accelerated,
+                transport.applications(),
+                solution.ratio,
+                solution.truncation_bound,
+                transport.surface_count(),
+                transport.volume_count(),
+                transport.stratum_count(),
+                std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count()};
+  report(0.7);
+
+  deep.surface = with_light(solution.light.surface);
+  for (std::size_t i = 0; i < solution.light.volume.size(); ++i)
+    for (int c = 0; c < 3; ++c)
+      deep.volume.moments[i].value[c] = static_cast<float>(solution.light.volume[i][c]);
+  scattering_ = std::make_shared<VolumeCache>(deep.volume, origin_);
+  if (!add_gradients(deep.surface, solution.before)) return std::nullopt;
+  if (!add_gradients(deep.volume, deep.surface)) return std::nullopt;
   deep.counters = maker_.counters();
+  deep.counters += medium_.counters();
+  deep.counters += counters_;
   return deep;
 }
 
 }  // namespace
 
-bool needs_deep_records(const World& world, const BakeSettings& settings, const Effects& effects) {
+bool needs_deep_surfaces(const World& world, const BakeSettings& settings, const Effects& effects) {
   const bool is_lit_unreflected =
       effects.scattering || effects.emission || world.has_gathered_emitters();
   return effects.indirect && (settings.bounces > 1 || is_lit_unreflected);
@@ -215,9 +342,7 @@ BakeSettings deep_settings(const BakeSettings& settings) {
 std::optional<DeepRecords> bake_deep_records(const Lighting& lighting, const BakeSettings& settings,
                                              const Effects& effects, const BakeRequest& request,
                                              const Vec3d& origin) {
-  DeepBake bake(lighting, settings, effects, request, origin);
-  if (!bake.place_everywhere() || !bake.place_at_uncovered_hits()) return std::nullopt;
-  return bake.solve();
+  return DeepBake(lighting, settings, effects, request, origin).bake();
 }
 
 }  // namespace brume

@@ -1,5 +1,5 @@
-// The deep records: one set for all bounces, placed once over all surfaces and gathered once. Top
-// records gather what they reflect; no eye sees them.
+// The deep records, of surfaces and of the medium: one set for all orders, placed once and gathered once.
+// Top records gather what they reflect and scatter; eye rays see those of the medium.
 #pragma once
 
 #include <optional>
@@ -10,15 +10,16 @@
 namespace brume {
 
 struct DeepRecords {
-  std::vector<SurfaceRecord> records;  // In RecordOrder.
-  int orders = 0;
-  double truncation_bound = 0;
+  std::vector<SurfaceRecord> surface;  // In RecordOrder.
+  VolumeRecords volume;                // In VolumeRecordOrder.
+  DeepStats stats;
   Counters counters;
 };
 
 // Whether gathers at these settings see light that has to be solved first: what surfaces reflect more
-// than once, or what the medium or emitters send to surfaces that reflect it.
-bool needs_deep_records(const World& world, const BakeSettings& settings, const Effects& effects);
+// than once, or what the medium or emitters send to surfaces that reflect it. Records of the medium are
+// needed where Effects::multiple_scattering says so.
+bool needs_deep_surfaces(const World& world, const BakeSettings& settings, const Effects& effects);
 
 // Settings that deep records are gathered and placed with: they are seen only through another gather,
 // which averages them.

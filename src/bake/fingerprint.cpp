@@ -22,7 +22,8 @@ std::string BakeSettings::to_json() const {
          "],\"shells\":" + std::to_string(gather.shells) +
          ",\"step_voxels\":" + number(gather.step_voxels) + ",\"gradient\":\"" +
          gradient_mode_name(gather.gradient) + "\",\"bounces\":" + std::to_string(bounces) +
-         ",\"volume_bounces\":" + std::to_string(volume_bounces) +
+         ",\"volume_bounces\":" +
+         (volume_bounces == kEveryOrder ? "\"auto\"" : std::to_string(volume_bounces)) +
          ",\"seed\":" + std::to_string(seed) + ",\"error\":" + number(error) +
          ",\"min_radius\":" + number(min_radius) + ",\"max_radius\":" + number(max_radius) +
          ",\"light_depth\":\"" + (light_depth == LightDepth::Exact ? "exact" : "volumes") + "\"}";

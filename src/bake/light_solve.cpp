@@ -2,95 +2,96 @@
 
 #include <algorithm>
 
-#include "core/parallel.h"
+#include "bake/scattering_solve.h"
 
 namespace brume {
 namespace {
 
-// What left-out orders may add to any record.
-constexpr double kLargestRest = 1e-3;
+// What left-out orders may add to any record, and of it, what scatterings may.
+constexpr double kLargestRest = 1e-3, kScatteringPart = 0.25;
 
-Vec3d vector(const float* v) { return {v[0], v[1], v[2]}; }
+using Light = std::vector<RgbD>;
+
+Light known(const std::vector<DeepRow>& rows, std::vector<RgbD> DeepRow::*of) {
+  Light all;
+  for (const DeepRow& row : rows) all.insert(all.end(), (row.*of).begin(), (row.*of).end());
+  return all;
+}
+
+void add(const Light& what, Light& to) {
+  for (std::size_t i = 0; i < to.size(); ++i) to[i] += what[i];
+}
 
 // The largest ratio of two lights over records and channels; infinite where the first shines and the
-// second does not.
-double largest_ratio(const DeepLight& light, const DeepLight& of) {
+// second does not. Every `stride`-th number is one that is never negative.
+double largest_ratio(const Light& light, const Light& of, std::size_t stride) {
   double most = 0;
-  for (std::size_t i = 0; i < light.size(); ++i)
+  for (std::size_t i = 0; i < light.size(); i += stride)
     for (int c = 0; c < 3; ++c)
       if (light[i][c] > 0)
         most = std::max(most, of[i][c] > 0 ? light[i][c] / of[i][c] : kInfinity);
   return most;
 }
 
+double sum_of(const DeepLight& light, std::size_t stride) {
+  double sum = 0;
+  for (const RgbD& e : light.surface) sum += mean_component(e);
+  for (std::size_t i = 0; i < light.volume.size(); i += stride)
+    sum += mean_component(light.volume[i]);
+  return sum;
+}
+
 }  // namespace
 
-SurfaceTransport::SurfaceTransport(const IrradianceCache& deep, std::vector<DeepRow>& rows,
-                                   double min_radius, int threads)
-    : rows_(rows.size()), threads_(threads) {
-  const SurfaceRecord* first = deep.records().data();
-  parallel_for(threads, rows.size(), 16, [&](std::size_t i) {
-    const Vec3d receiver = vector(first[i].position) + deep.origin();
-    Row& row = rows_[i];
-    for (const Stratum& s : rows[i].strata) {
-      const std::vector<RecordWeight> covering =
-          deep.explain({kDeepLayer, s.hit(receiver), vector(s.normal), min_radius});
-      if (covering.empty()) continue;
-      double sum = 0;
-      for (const RecordWeight& w : covering) sum += w.weight;
-      for (const RecordWeight& w : covering)
-        row.terms.push_back(
-            {static_cast<std::uint32_t>(w.record - first), static_cast<float>(w.weight / sum)});
-      Link link{{}, static_cast<std::uint32_t>(row.terms.size())};
-      for (int c = 0; c < 3; ++c) link.factor[c] = s.measure * s.reflectance[c];
-      row.links.push_back(link);
-    }
-    rows[i].strata = {};
-  });
-}
-
-DeepLight SurfaceTransport::apply(const DeepLight& light) const {
-  DeepLight next(rows_.size());
-  parallel_for(threads_, rows_.size(), 64, [&](std::size_t i) {
-    const Row& row = rows_[i];
-    RgbD sum;
-    std::size_t t = 0;
-    for (const Link& link : row.links) {
-      RgbD at_hit;
-      for (; t < link.end; ++t) at_hit += light[row.terms[t].record] * double(row.terms[t].weight);
-      sum += at_hit * RgbD(link.factor[0], link.factor[1], link.factor[2]);
-    }
-    next[i] = sum;
-  });
-  return next;
-}
-
-std::size_t SurfaceTransport::stratum_count() const {
-  std::size_t count = 0;
-  for (const Row& row : rows_) count += row.links.size();
-  return count;
-}
-
-DeepSolution solve_deep_light(const SurfaceTransport& transport, const std::vector<DeepRow>& rows,
-                              int bounces) {
+DeepSolution solve_deep_light(const LightTransport& transport,
+                              const std::vector<DeepRow>& surface_rows,
+                              const std::vector<DeepRow>& volume_rows, int bounces,
+                              int volume_bounces) {
+  const std::size_t stride = transport.moment_count();
+  ScatteringSolve scattering(transport, volume_bounces - 1, kLargestRest * kScatteringPart);
   DeepSolution solution;
-  for (const DeepRow& row : rows) solution.light.push_back(row.unreflected);
-  solution.before.assign(rows.size(), RgbD());
-  DeepLight change = solution.light;
-  while (solution.orders < bounces - 1) {
-    DeepLight next = transport.apply(change);
-    const int order = ++solution.orders;
-    if (order == 1)
-      for (std::size_t i = 0; i < rows.size(); ++i) next[i] += rows[i].reflected;
-    const double ratio = order > 1 ? largest_ratio(next, change) : kInfinity;
+  DeepLight& light = solution.light;
+  const auto ratio_of = [&](const DeepLight& a, const DeepLight& b) {
+    return std::max(largest_ratio(a.surface, b.surface, 1),
+                    largest_ratio(a.volume, b.volume, stride));
+  };
+  const auto finish = [&] {
+    solution.scatterings = scattering.orders();
+    solution.is_accelerated = scattering.is_accelerated();
+    solution.truncation_bound += scattering.bound();
+  };
+
+  // What met no surface.
+  DeepLight change;
+  change.surface = known(surface_rows, &DeepRow::unreflected);
+  change.volume = scattering.sum(known(volume_rows, &DeepRow::unreflected), change.surface);
+  light = change;
+  solution.before.assign(surface_rows.size(), RgbD());
+  // Light of the last reflection is only asked for in the medium.
+  const int last = volume_rows.empty() ? bounces - 1 : bounces;
+  for (int order = 1; order <= last; ++order) {
+    DeepLight next = transport.reflect(change);
+    if (order == 1) {
+      add(known(surface_rows, &DeepRow::reflected), next.surface);
+      add(known(volume_rows, &DeepRow::reflected), next.volume);
+    }
+    next.volume = scattering.sum(std::move(next.volume), next.surface);
+    const double ratio = order > 1 ? ratio_of(next, change) : kInfinity;
+    const double before = sum_of(change, stride);
     change = std::move(next);
-    solution.before = solution.light;
-    for (std::size_t i = 0; i < rows.size(); ++i) solution.light[i] += change[i];
-    if (!(ratio < 1) || order == bounces - 1) continue;
-    solution.truncation_bound = ratio / (1 - ratio) * largest_ratio(change, solution.light);
-    if (solution.truncation_bound < kLargestRest) return solution;
+    solution.ratio = before > 0 ? sum_of(change, stride) / before : 0;
+    add(change.volume, light.volume);
+    if (order == bounces) break;
+    solution.orders = order;
+    solution.before = light.surface;
+    add(change.surface, light.surface);
+    if (!(ratio < 1) || order == last) continue;
+    const double bound = ratio / (1 - ratio) * ratio_of(change, light);
+    if (bound >= kLargestRest * (1 - kScatteringPart)) continue;
+    solution.truncation_bound = bound;
+    break;
   }
-  solution.truncation_bound = 0;
+  finish();
   return solution;
 }
 

@@ -1,16 +1,26 @@
 #include "bake/bake.h"
 #include "bake/deep_bake.h"
+#include "gather/incident_field.h"
 
 namespace brume {
 
-HitLight light_below(const IrradianceCache& cache, const BakeSettings& settings,
-                     const World& world) {
+HitLight deep_light(const IrradianceCache& cache, const World& world, double min_radius,
+                    int threads) {
   HitLight light;
-  light.reflect = settings.bounces > 0;
-  if (cache.records().empty() || cache.records().front().layer() != kDeepLayer) return light;
-  light.cache = &cache;
   light.layer = kDeepLayer;
-  light.min_radius = deep_settings(settings).min_radius * world.diagonal();
+  light.min_radius = min_radius;
+  if (!cache.records().empty() && cache.records().front().layer() == kDeepLayer)
+    light.cache = &cache;
+  if (cache.volume()->size() > 0)
+    light.scattered = std::make_shared<IncidentField>(world, *cache.volume(), threads);
+  return light;
+}
+
+HitLight light_below(const IrradianceCache& cache, const BakeSettings& settings, const World& world,
+                     int threads) {
+  HitLight light =
+      deep_light(cache, world, deep_settings(settings).min_radius * world.diagonal(), threads);
+  light.reflect = settings.bounces > 0;
   return light;
 }
 

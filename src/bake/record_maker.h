@@ -22,7 +22,7 @@ class RecordMaker {
   // The rest of a record that is placed. `offset` clears the surface; a slot is one thread's.
   GatherResult gather(double offset, const HitLight& light, SurfaceRecord& record, int slot);
   // Of the slot's last gather.
-  std::vector<Stratum> strata(int slot) const {
+  const Strata& strata(int slot) const {
     return workers_[static_cast<std::size_t>(slot)].gatherer->strata();
   }
   // A record close to another with a small radius must not reach far past it: R_i <= R_j + |x_i -

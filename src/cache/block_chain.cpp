@@ -97,6 +97,22 @@ void BlockChain::write_records(std::span<const SurfaceRecord> records, std::uint
   }
 }
 
+void BlockChain::write_row(std::uint64_t key, std::span<const unsigned char> row) {
+  std::vector<unsigned char> padded(row.begin(), row.end());
+  padded.resize((row.size() + kRowUnitBytes - 1) / kRowUnitBytes * kRowUnitBytes);
+  constexpr std::size_t kMostBytes = CacheWriter::kBlockRecords * kRowUnitBytes;
+  for (std::size_t i = 0; i < padded.size(); i += kMostBytes) {
+    const std::size_t count = std::min(kMostBytes, padded.size() - i);
+    BlockHeader block;
+    block.kind = static_cast<std::uint8_t>(RecordKind::Row);
+    block.flags = kOptional | kAsGathered;
+    if (i + count == padded.size()) block.flags |= kBatchEnds;
+    block.count = static_cast<std::uint32_t>(count / kRowUnitBytes);
+    block.first_key = block.last_key = key;
+    write_block(block, padded.data() + i, count);
+  }
+}
+
 void BlockChain::write_order(int layer, std::span<const std::uint32_t> order) {
   std::vector<std::uint32_t> padded(order.begin(), order.end());
   padded.resize((order.size() + kIndicesPerOrder - 1) / kIndicesPerOrder * kIndicesPerOrder,

@@ -27,6 +27,8 @@ class BlockChain {
   void write_header(const CacheHeader& header);
   // `records` of one layer and wave, by key.
   void write_records(std::span<const SurfaceRecord> records, std::uint8_t flags);
+  // Of the record `key`; padded with zeros.
+  void write_row(std::uint64_t key, std::span<const unsigned char> row);
   void write_order(int layer, std::span<const std::uint32_t> order);
   void write_tail();
   // fdatasync after each block from now on; else now and then.

@@ -39,13 +39,14 @@ CacheJournal::CacheJournal(const std::filesystem::path& file, const CacheHeader&
   const auto bytes = static_cast<std::uint64_t>(part.status().st_size);
   ChainState state;
   if (!options_.starts_anew && bytes >= cache_layout::kHeaderBytes) {
-    ChainReading reading = read_chain(part, bytes);
+    ChainReading reading = read_chain(part, bytes, {.keeps_rows = true});
     const CacheContents& held = reading.check.opening.contents;
     if (reading.check.valid_bytes < cache_layout::kHeaderBytes)
       refuse(part.path(), reading.check.opening.reason);
     if (held.header.fingerprint != header.fingerprint || held.header.origin != header.origin)
       refuse(part.path(), "stale: the unfinished bake of another scene or other settings");
     state = std::move(reading.state);
+    found_rows_ = std::move(reading.rows);
     for (const SurfaceRecord& record : held.records)
       if (!record_fault(record)) found_.emplace(slot_of(record.layer(), record.key), record);
   }
@@ -85,9 +86,16 @@ const SurfaceRecord* CacheJournal::find(int layer, std::uint64_t key) const {
                                                                                     : nullptr;
 }
 
-void CacheJournal::add(const SurfaceRecord& record) {
+std::span<const unsigned char> CacheJournal::find_row(std::uint64_t key) const {
+  const auto it = found_rows_.find(key);
+  if (it == found_rows_.end()) return {};
+  return it->second;
+}
+
+void CacheJournal::add(const SurfaceRecord& record, std::vector<unsigned char> row) {
   const std::lock_guard lock(mutex_);
   unsealed_.push_back(record);
+  if (!row.empty()) unsealed_rows_.emplace_back(record.key, std::move(row));
   if (unsealed_.size() >= CacheWriter::kBlockRecords ||
       std::chrono::steady_clock::now() - last_seal_ >= options_.seal_interval)
     seal_locked();
@@ -100,6 +108,10 @@ void CacheJournal::seal() {
 }
 
 void CacheJournal::seal_locked() {
+  // Rows first: a record that is found vouches for its row.
+  std::sort(unsealed_rows_.begin(), unsealed_rows_.end());
+  for (const auto& [key, row] : unsealed_rows_) impl_->chain.write_row(key, row);
+  unsealed_rows_.clear();
   std::sort(unsealed_.begin(), unsealed_.end(), RecordOrder{});
   for (auto run = unsealed_.begin(); run != unsealed_.end();) {
     auto end = run;

@@ -6,6 +6,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <span>
 #include <unordered_map>
 
 #include "cache/cache_file.h"
@@ -35,8 +36,11 @@ class CacheJournal {
 
   // What was left there, as gathered; null for none. Any thread.
   const SurfaceRecord* find(int layer, std::uint64_t key) const;
-  // Any thread. Throws Error(Resource), then and whenever called again, when the disk fails.
-  void add(const SurfaceRecord& record);
+  // What was added with the record of that key, padded with zeros; empty for nothing. Any thread.
+  std::span<const unsigned char> find_row(std::uint64_t key) const;
+  // Any thread. Throws Error(Resource), then and whenever called again, when the disk fails. Who finds
+  // the record finds the row, too.
+  void add(const SurfaceRecord& record, std::vector<unsigned char> row = {});
   // Everything added is sealed and synced once it returns.
   void seal();
   // The cache itself holds it all now.
@@ -52,7 +56,9 @@ class CacheJournal {
 
   std::unique_ptr<Impl> impl_;
   std::unordered_map<std::uint64_t, SurfaceRecord> found_;
+  std::unordered_map<std::uint64_t, std::vector<unsigned char>> found_rows_;
   std::mutex mutex_;
+  std::vector<std::pair<std::uint64_t, std::vector<unsigned char>>> unsealed_rows_;
   std::vector<SurfaceRecord> unsealed_;
   std::chrono::steady_clock::time_point last_seal_ = std::chrono::steady_clock::now();
   JournalOptions options_;

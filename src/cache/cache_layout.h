@@ -35,7 +35,10 @@ inline constexpr std::uint64_t kOffsetUnit = 64, kMaxFileBytes = kOffsetUnit << 
 // What a block holds; the size of one stands in the header's table. Kind 2 is left for volume
 // records. Order: sixteen indices of surface records, 4 bytes each, along the curve that lookups
 // sort by.
-enum class RecordKind : std::uint8_t { Surface = 1, Order = 3 };
+// Row: what goes with a record in a part, in units of kRowUnitBytes; the blocks of one row follow each
+// other and name its key, the last of them ends its batch.
+enum class RecordKind : std::uint8_t { Surface = 1, Order = 3, Row = 4 };
+inline constexpr std::uint32_t kRowUnitBytes = 64;
 inline constexpr std::size_t kKinds = 4;
 inline constexpr std::size_t kIndicesPerOrder = 16;
 inline constexpr std::uint32_t kNoIndex = 0xffffffff;  // Fills the last entry of a layer.

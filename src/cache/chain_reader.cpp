@@ -23,6 +23,7 @@ class Reader {
   Reader(const PosixFile& file, std::uint64_t size) : file_(file), size_(size) {}
 
   ChainReading read(const ChainReadingOptions& options) {
+    keeps_rows_ = options.keeps_rows;
     check_.file_bytes = size_;
     std::vector<unsigned char> bytes(std::min<std::uint64_t>(size_, kHeaderBytes));
     if (!fetch(bytes.data(), bytes.size(), 0)) return corrupt(kShrank);
@@ -52,7 +53,7 @@ class Reader {
     if (!wrong.empty()) return corrupt(wrong);
     if (check_.bad_records > 0) return corrupt(first_fault_);
     check_.opening.state = CacheState::Loaded;
-    return {std::move(check_), std::move(state_)};
+    return {std::move(check_), std::move(state_), std::move(rows_)};
   }
 
  private:
@@ -77,7 +78,7 @@ class Reader {
     check_.opening.state = state;
     check_.opening.reason = reason;
     contents().curve_order.clear();  // Of no use for a part.
-    return {std::move(check_), std::move(state_)};
+    return {std::move(check_), std::move(state_), std::move(rows_)};
   }
   ChainReading corrupt(const std::string& reason) { return refuse(CacheState::Corrupt, reason); }
 
@@ -114,7 +115,9 @@ class Reader {
       if (block.count == 0 || block.count > CacheWriter::kBlockRecords)
         return stop("says it holds " + std::to_string(block.count) + " records");
       const std::uint32_t record_bytes =
-          block.kind >= 1 && block.kind <= kKinds ? header_.record_bytes[block.kind - 1u] : 0;
+          block.kind == static_cast<std::uint8_t>(RecordKind::Row) ? kRowUnitBytes
+          : block.kind >= 1 && block.kind <= kKinds ? header_.record_bytes[block.kind - 1u]
+                                                    : 0;
       if (record_bytes == 0)
         return stop("holds records of unknown kind " + std::to_string(block.kind));
       const std::uint64_t payload_bytes = std::uint64_t(block.count) * record_bytes;
@@ -154,12 +157,15 @@ class Reader {
     records.resize(count);
     std::vector<Finding> findings(batch.size());
     std::vector<std::vector<std::uint32_t>> orders(batch.size());
+    std::vector<std::vector<unsigned char>> others(batch.size());
     parallel_for(batch.size() > kBlocksPerThread ? 0 : 1, batch.size(), kBlocksPerThread,
                  [&](std::size_t i) {
                    findings[i] = is(batch[i], RecordKind::Surface)
                                      ? read_records(batch[i], &records[place[i]])
-                                     : read_other(batch[i], orders[i]);
+                                     : read_other(batch[i], orders[i], others[i]);
                  });
+    for (std::size_t i = 0; i < batch.size(); ++i)
+      if (findings[i].wrong == nullptr && is(batch[i], RecordKind::Row)) add_to_row(batch[i], others[i]);
     for (std::size_t i = 0; i < batch.size(); ++i) {
       const Finding& found = findings[i];
       if (found.wrong) {
@@ -216,16 +222,32 @@ class Reader {
     return found;
   }
 
-  Finding read_other(const Block& block, std::vector<std::uint32_t>& order) const {
+  Finding read_other(const Block& block, std::vector<std::uint32_t>& order,
+                     std::vector<unsigned char>& row) const {
     std::vector<unsigned char> payload(block.payload_bytes);
     Finding found;
     found.wrong = fetch_payload(block, payload.data());
+    if (!found.wrong && keeps_rows_ && is(block, RecordKind::Row)) {
+      row = std::move(payload);
+      return found;
+    }
     if (found.wrong || !is(block, RecordKind::Order) ||
         header_.record_bytes[block.header.kind - 1u] != kIndicesPerOrder * sizeof(std::uint32_t))
       return found;
     order.resize(payload.size() / sizeof(std::uint32_t));
     std::memcpy(order.data(), payload.data(), payload.size());
     return found;
+  }
+
+  // A row that is not followed to its end is none.
+  void add_to_row(const Block& block, const std::vector<unsigned char>& bytes) {
+    if (!keeps_rows_) return;
+    if (row_key_ != block.header.first_key) row_.clear();
+    row_key_ = block.header.first_key;
+    row_.insert(row_.end(), bytes.begin(), bytes.end());
+    if ((block.header.flags & kBatchEnds) == 0) return;
+    rows_.insert_or_assign(row_key_, std::move(row_));
+    row_.clear();
   }
 
   // Each record once, layer by layer, so that whatever the order, every record is found.
@@ -282,7 +304,10 @@ class Reader {
   HeaderReading header_;
   CacheCheck check_;
   ChainState state_;
-  bool has_raw_ = false;
+  bool has_raw_ = false, keeps_rows_ = false;
+  std::unordered_map<std::uint64_t, std::vector<unsigned char>> rows_;
+  std::uint64_t row_key_ = 0;
+  std::vector<unsigned char> row_;
   std::string first_fault_;
 };
 

@@ -1,6 +1,8 @@
 // Reads a file's header and chain of blocks, in as many threads as pay. Private to cache/.
 #pragma once
 
+#include <unordered_map>
+
 #include "cache/block_chain.h"
 
 namespace brume {
@@ -8,11 +10,13 @@ namespace brume {
 struct ChainReading {
   CacheCheck check;
   ChainState state;
+  std::unordered_map<std::uint64_t, std::vector<unsigned char>> rows;  // By key, if wanted.
 };
 
 struct ChainReadingOptions {
   std::optional<Fingerprint> expected{};
   bool stops_at_bad_records = false;
+  bool keeps_rows = false;
 };
 
 // What `file`, of `bytes` bytes, holds up to the first thing wrong with it.

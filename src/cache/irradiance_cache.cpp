@@ -106,8 +106,11 @@ void collect(const RecordIndex& index, std::span<const SurfaceRecord> records, c
 }  // namespace
 
 IrradianceCache::IrradianceCache(std::vector<SurfaceRecord> records, const Vec3d& origin,
-                                 std::span<const std::uint32_t> curve_order)
-    : records_(std::move(records)), origin_(origin) {
+                                 std::span<const std::uint32_t> curve_order,
+                                 std::shared_ptr<const VolumeCache> volume)
+    : records_(std::move(records)), origin_(origin), volume_(std::move(volume)) {
+  static const auto none = std::make_shared<const VolumeCache>();
+  if (!volume_) volume_ = none;
   if (!std::is_sorted(records_.begin(), records_.end(), RecordOrder{})) {
     std::stable_sort(records_.begin(), records_.end(), RecordOrder{});
     curve_order = {};

@@ -13,6 +13,7 @@
 
 #include "cache/record.h"
 #include "cache/record_index.h"
+#include "cache/volume_cache.h"
 #include "core/math.h"
 
 namespace brume {
@@ -49,10 +50,14 @@ class IrradianceCache {
  public:
   IrradianceCache() : IrradianceCache({}, Vec3d(0.0)) {}
   // `curve_order`: what curve_order() gave for these very records, layer after layer; saves time.
+  // `volume`: the records of the medium, of the same origin; null for none.
   IrradianceCache(std::vector<SurfaceRecord> records, const Vec3d& origin,
-                  std::span<const std::uint32_t> curve_order = {});
+                  std::span<const std::uint32_t> curve_order = {},
+                  std::shared_ptr<const VolumeCache> volume = nullptr);
 
   std::span<const SurfaceRecord> records() const { return records_; }
+  // Of the medium. Never null.
+  const std::shared_ptr<const VolumeCache>& volume() const { return volume_; }
   const Vec3d& origin() const { return origin_; }
   int layers() const { return static_cast<int>(layers_.size()); }
   // The records of a layer that may answer, as lookups sort them.
@@ -73,6 +78,7 @@ class IrradianceCache {
   std::vector<SurfaceRecord> records_;
   Vec3d origin_;
   std::vector<RecordIndex> layers_;
+  std::shared_ptr<const VolumeCache> volume_;
 };
 
 class CacheJournal;

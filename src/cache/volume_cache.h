@@ -12,7 +12,7 @@
 namespace brume {
 
 struct VolumeQuery {
-  int layer = kEyeVolumeLayer;
+  int layer = kDeepVolumeLayer;
   Vec3d position{0.0};
   double min_radius = 0;  // Records act as if their radii were at least this.
 };

@@ -32,7 +32,7 @@ void VolumeRecords::sort() {
 }
 
 const char* record_fault(const VolumeRecord& r, std::span<const VolumeMoment> moments) {
-  double sum = double(r.error) + double(r.media_share), turn2 = 0;
+  double sum = double(r.error) + double(r.media_share) + double(r.clearance), turn2 = 0;
   for (const float p : r.position) sum += p;
   for (const float radius : r.radius) sum += radius;
   for (const float q : r.axes) turn2 += double(q) * q;
@@ -48,6 +48,7 @@ const char* record_fault(const VolumeRecord& r, std::span<const VolumeMoment> mo
   for (const float radius : r.radius)
     if (!(radius >= std::numeric_limits<float>::min())) return "a radius is not positive";
   if (!(r.error >= 0)) return "the error is negative";
+  if (!(r.clearance >= 0)) return "the clearance is negative";
   if (!(r.media_share >= 0 && r.media_share <= 1.0001f))
     return "the media share is outside [0, 1]";
   return nullptr;

@@ -20,8 +20,8 @@ struct VolumeRecord {
   float axes[4];        // Quaternion (w, x, y, z) that turns x, y, z into the axes of the radii; unit.
   float error;          // Estimated standard error of the fluence's luminance [W/m^2].
   float media_share;    // Part of the fluence's luminance that came from the medium, in [0,1].
-  std::uint32_t flags;  // As of surface records; layers are VolumeLayer.
-  std::uint32_t reserved;
+  std::uint32_t flags;  // As of surface records; the layer is kDeepVolumeLayer.
+  float clearance;      // To the nearest surface that its gather met; the largest float for none.
   std::uint64_t key;    // What the record is a pure function of, with the fingerprint.
 
   int layer() const { return static_cast<int>(flags & 0xff); }
@@ -29,8 +29,8 @@ struct VolumeRecord {
 };
 static_assert(sizeof(VolumeRecord) == 64 && std::is_trivially_copyable_v<VolumeRecord>);
 
-// Gathers ask the first, eyes the second.
-enum VolumeLayer : int { kGatherVolumeLayer = 0, kEyeVolumeLayer = 1 };
+// One set for all orders of scattering, which gathers and eyes ask alike.
+inline constexpr int kDeepVolumeLayer = 0;
 
 // One moment, int L(w) Y(w) dw over the sphere (core/spherical_harmonics.h), and its gradient. L is
 // all incident radiance but that which comes straight from lights. The first is the fluence

@@ -132,7 +132,6 @@ int bake_scene(const BakeOptions& options, const CommandContext& context) {
   watch.set_checkpoint(has_checkpoint(choice));
 
   const BakeSettings settings = options.accuracy.bake_settings(scene.render);
-  check_cached_transport(settings, printable(options.scene.file.string()));
   Progress progress(context);
   BakeRequest request = make_request(options, scene, context, progress);
   const World world = statistics.timed("world", [&] { return World(scene); });
@@ -162,8 +161,7 @@ int bake_scene(const BakeOptions& options, const CommandContext& context) {
       "bake", [&] { return bake(lighting, settings, request, session.existing().get()); });
   statistics.add_bake(baked.stats);
   statistics.records = baked.cache->records().size();
-  statistics.details["orders"] = baked.orders;
-  statistics.details["truncation_bound"] = baked.truncation_bound;
+  statistics.describe(baked.deep);
   if (!baked.is_stopped) progress.finish();
   const bool is_saved = statistics.timed("write", [&] { return session.save(baked, request); });
   report(context, session, statistics, is_saved);

@@ -106,7 +106,10 @@ BakeSettings read_bake_settings(const std::string& json, const fs::path& file) {
     if (all.contains("gradient") && all["gradient"].is_string())
       s.gather.gradient = parse_gradient_mode(all["gradient"]);
     number("bounces", s.bounces);
-    number("volume_bounces", s.volume_bounces);
+    if (all.contains("volume_bounces") && all["volume_bounces"] == "auto")
+      s.volume_bounces = kEveryOrder;
+    else
+      number("volume_bounces", s.volume_bounces);
     number("seed", s.seed);
     number("error", s.error);
     number("min_radius", s.min_radius);
@@ -144,6 +147,12 @@ CacheSession::CacheSession(const CacheSettings& choice, const World& world,
       mode_(choice.mode),
       settings_(settings),
       fingerprint_(bake_fingerprint(world, settings)) {
+  if (!file_.empty() && settings.volume_bounces > 1)
+    throw Error(ErrorKind::InvalidInput,
+                printable(file_.string()) + ": /render/volume_bounces: " +
+                    std::to_string(settings.volume_bounces) +
+                    " scatterings in the medium cannot be kept in a file yet: render without a "
+                    "cache file, or use 0, 1 or auto");
   if (!file_.empty() && mode_ != CacheMode::New) read();
 }
 

@@ -127,7 +127,7 @@ Answers gather_answers(const ProbeOptions& options, const Lighting& lighting,
                        const BakeSettings& settings, const GatherOptions& point_options,
                        const IrradianceCache& deeper, Statistics& statistics) {
   const Effects effects = plan_effects(lighting.world(), settings.bounces, settings.volume_bounces);
-  const HitLight below = light_below(deeper, settings, lighting.world());
+  const HitLight below = light_below(deeper, settings, lighting.world(), 0);
   const std::uint64_t seed = options.accuracy.seed.value_or(settings.seed);
   Answers a;
   a.point.position = *options.position;
@@ -310,7 +310,6 @@ int probe(const ProbeOptions& options, const CommandContext& context) {
     settings = opened.settings;
     deeper = std::make_shared<IrradianceCache>(opened.cache);
   }
-  check_cached_transport(settings, printable(options.scene.file.string()));
   const Lighting lighting = statistics.timed(
       "lighting", [&] { return Lighting(world, lighting_options(settings, context)); });
   statistics.describe(lighting, plan_effects(world, settings.bounces, settings.volume_bounces));

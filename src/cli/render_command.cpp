@@ -151,7 +151,7 @@ int RenderRun::bake_view(const Lighting& lighting, const BakeSettings& settings,
                : bake(lighting, settings, request, cache_.get());
   });
   statistics_.add_bake(baked.stats);
-  statistics_.details["truncation_bound"] = baked.truncation_bound;
+  statistics_.describe(baked.deep);
   cache_ = baked.cache;
   if (!baked.is_stopped) progress_.finish();
   const bool is_saved = statistics_.timed("write", [&] { return session.save(baked, request); });
@@ -165,7 +165,6 @@ int RenderRun::bake_view(const Lighting& lighting, const BakeSettings& settings,
 
 int RenderRun::render_with_records(const World& world, const CameraRays& rays) {
   const BakeSettings settings = options_.accuracy.bake_settings(scene_.render);
-  check_cached_transport(settings, printable(options_.scene.file.string()));
   watch_.set_checkpoint(has_checkpoint(plan_.cache));
   CacheSession session(plan_.cache, world, settings);
   const Lighting lighting = statistics_.timed(
@@ -200,8 +199,6 @@ int RenderRun::render_with_records(const World& world, const CameraRays& rays) {
 
 int RenderRun::render_with_paths(const World& world, const CameraRays& rays) {
   const BakeSettings settings = options_.accuracy.bake_settings(scene_.render);
-  if (options_.has_cached_transport())
-    check_cached_transport(settings, printable(options_.scene.file.string()));
   PathTracerOptions path;
   path.transport = options_.transport.value_or(Transport::Full);
   path.bounces = settings.bounces;

@@ -211,7 +211,8 @@ void add_accuracy_options(CLI::App& app, CommandContext& context, AccuracyOption
         if (text != "auto") count = static_cast<int>(parse_integer(option, text, 0, 1'000'000));
         return std::optional<std::optional<int>>(count);
       },
-      "Scatterings in the medium: 0 none, 1 light straight from lights (auto is 1)"));
+      "Scatterings in the medium between two surfaces: 0 none, 1 light straight from lights, n, "
+      "without a cache file (auto is 1)"));
   setting(add_parsed(
       app, "--seed", "N", options.seed,
       [](const std::string& option, const std::string& text) {
@@ -240,15 +241,6 @@ LightingOptions lighting_options(const BakeSettings& settings, const CommandCont
   options.march.step_voxels = settings.gather.step_voxels;
   options.threads = context.threads;
   return options;
-}
-
-void check_cached_transport(const BakeSettings& settings, const std::string& scene_name) {
-  if (settings.volume_bounces > 1)
-    throw Error(ErrorKind::InvalidInput,
-                scene_name +
-                    ": /render/volume_bounces: " + std::to_string(settings.volume_bounces) +
-                    " scatterings in the medium cannot be cached yet: use 0, 1 or auto, or render "
-                    "with --integrator path");
 }
 
 }  // namespace brume

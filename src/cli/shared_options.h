@@ -66,7 +66,5 @@ void add_accuracy_options(CLI::App& app, CommandContext& context, AccuracyOption
 
 LightingOptions lighting_options(const BakeSettings& settings, const CommandContext& context);
 
-// Throws Error unless records can hold what is asked: volume_bounces 0, 1 or auto.
-void check_cached_transport(const BakeSettings& settings, const std::string& scene_name);
 
 }  // namespace brume

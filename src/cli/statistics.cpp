@@ -53,6 +53,20 @@ void Statistics::describe(const Lighting& lighting, const Effects& planned) {
   light_volume_bytes = lighting.memory_bytes();
 }
 
+void Statistics::describe(const DeepStats& deep) {
+  details["orders"] = deep.orders;
+  details["truncation_bound"] = deep.truncation_bound;
+  details["solve"] = {{"reflections", deep.orders},
+                      {"scatterings", deep.scatterings},
+                      {"accelerated", deep.is_accelerated},
+                      {"applications", deep.applications},
+                      {"ratio", deep.ratio},
+                      {"surface_records", deep.surface_records},
+                      {"volume_records", deep.volume_records},
+                      {"strata", deep.strata},
+                      {"seconds", deep.seconds}};
+}
+
 Json Statistics::to_json() const {
   Json all = Json::object();
   all["seconds"] = by_stage(seconds);

@@ -45,6 +45,7 @@ struct Statistics {
   double total_seconds() const;
   void add_bake(const BakeStats& stats);
   void describe(const Lighting& lighting, const Effects& planned);
+  void describe(const DeepStats& deep);
 
   Json to_json() const;
 };

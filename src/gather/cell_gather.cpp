@@ -41,7 +41,7 @@ void CellGather::gather(const Vec3d& origin, const Frame& base, std::uint64_t ke
                         const HitLight& light, Counters& counters) {
   key_ = key;
   origin_ = origin;
-  scattered_ = light.scattered;
+  scattered_ = light.scattered.get();
   medium_.use_scattered(scattered_);
   RandomStream turn = stream(-1, 0);
   frame_ = base.turned(2 * kPi * turn.uniform());
@@ -49,7 +49,8 @@ void CellGather::gather(const Vec3d& origin, const Frame& base, std::uint64_t ke
   const int n = cells_.count();
   cell_.assign(n, Cell());
   light_.assign(n, CellLight());
-  transmittance_.assign(n, RgbD(1));
+  strata_.strata.clear();
+  strata_.points.clear();
   for (int c = 0; c < n; ++c)
     cell_[c].w = frame_.to_world(cells_.direction(c, shift)).normalized();
   trace(light, counters);
@@ -164,9 +165,13 @@ void CellGather::march_cell(int c, Counters& counters) {
   counters.march_rays += march.rays;
   counters.segments += march.segments;
   const int n = marcher_.shell_count();
-  const RgbD reaching = transmittance_[c] = exp_neg(marcher_.tau(n));
+  const RgbD reaching = exp_neg(marcher_.tau(n));
   light.surface = surfaces_.radiance(c) * reaching;
   light.emitted = surfaces_.emitted(c) * reaching;
+  if (options_.medium_points >= 0) {
+    keep_medium_points(c);
+    keep_stratum(c, reaching);
+  }
 
   shell_sums_.begin(n);
   RgbGradient directional;
@@ -217,6 +222,7 @@ void CellGather::add_surface(int c) {
   CellLight& light = light_[c];
   light.surface = surfaces_.radiance(c);
   light.emitted = surfaces_.emitted(c);
+  if (options_.medium_points >= 0) keep_stratum(c, RgbD(1));
   if (is_black(light.surface)) return;
   light.over_distance = luminance(light.surface) / cell_[c].s;
   if (!is_full()) return;
@@ -228,25 +234,60 @@ void CellGather::add_surface(int c) {
         perpendicular(surfaces_.direction_derivative(c), cell_[c].w) * (1 / cell_[c].s);
 }
 
-std::vector<Stratum> CellGather::strata() const {
-  std::vector<Stratum> strata;
-  for (int c = 0; c < cells_.count(); ++c) {
-    const Hit& hit = hits_[c];
-    if (!hit.is_hit()) continue;
-    const RgbD reflectance = transmittance_[c] * diffuse_reflectance(world_.material(hit)) * kInvPi;
-    if (is_black(reflectance)) continue;
-    const Vec3d normal = reflecting_normal(hit, cell_[c].w);
-    Stratum s{};
-    for (int a = 0; a < 3; ++a) {
-      s.direction[a] = static_cast<float>(cell_[c].w[a]);
-      s.normal[a] = static_cast<float>(normal[a]);
-      s.reflectance[a] = static_cast<float>(reflectance[a]);
-    }
-    s.distance = static_cast<float>(hit.t);
-    s.measure = static_cast<float>(cells_.cell(c).measure);
-    strata.push_back(s);
+// After its points.
+void CellGather::keep_stratum(int c, const RgbD& transmittance) {
+  const std::size_t points_before =
+      strata_.strata.empty() ? 0 : strata_.strata.back().points_end;
+  const Hit& hit = hits_[c];
+  RgbD reflectance;
+  if (hit.is_hit())
+    reflectance = transmittance * diffuse_reflectance(world_.material(hit)) * kInvPi;
+  if (is_black(reflectance) && strata_.points.size() == points_before) return;
+  Stratum s{};
+  s.measure = static_cast<float>(cells_.cell(c).measure);
+  s.points_end = static_cast<std::uint32_t>(strata_.points.size());
+  const Vec3d normal = hit.is_hit() ? reflecting_normal(hit, cell_[c].w) : Vec3d(0.0);
+  for (int a = 0; a < 3; ++a) {
+    s.direction[a] = static_cast<float>(cell_[c].w[a]);
+    s.normal[a] = static_cast<float>(normal[a]);
+    s.reflectance[a] = static_cast<float>(reflectance[a]);
   }
-  return strata;
+  s.distance = hit.is_hit() ? static_cast<float>(hit.t) : 0.0f;
+  strata_.strata.push_back(s);
+}
+
+// A few points, evenly through the running sum of what the stretches scatter. Their weights sum to all
+// of it in each channel, so that nothing is lost or gained by choosing.
+void CellGather::keep_medium_points(int c) {
+  if (options_.medium_points == 0 || !effects_.multiple_scattering) return;
+  medium_.stretches(marcher_, ray_of(cell_[c]), stretches_);
+  RgbD all;
+  for (const MediumStretch& s : stretches_) all += s.weight;
+  const double sum = mean_component(all);
+  if (!(sum > 0)) return;
+  // One stands for little, more where much is scattered.
+  const int count = std::clamp(static_cast<int>(std::ceil(4 * sum * options_.medium_points)), 1,
+                               options_.medium_points);
+  const std::size_t first = strata_.points.size();
+  RandomStream random = stream(c, 3);
+  const double spacing = sum / count;
+  double next = random.uniform() * spacing, running = 0;
+  RgbD chosen;
+  for (const MediumStretch& s : stretches_) {
+    const double share = mean_component(s.weight);
+    running += share;
+    int times = 0;
+    for (; next < running; next += spacing) ++times;
+    if (times == 0) continue;
+    const RgbD weight = s.weight * (times * spacing / share);
+    chosen += weight;
+    MediumPoint point{static_cast<float>(s.distance), static_cast<std::uint32_t>(s.volume), {}};
+    for (int ch = 0; ch < 3; ++ch) point.weight[ch] = static_cast<float>(weight[ch]);
+    strata_.points.push_back(point);
+  }
+  for (std::size_t i = first; i < strata_.points.size(); ++i)
+    for (int ch = 0; ch < 3; ++ch)
+      if (chosen[ch] > 0) strata_.points[i].weight[ch] *= static_cast<float>(all[ch] / chosen[ch]);
 }
 
 void CellGather::look_here(Counters& counters) {

@@ -44,8 +44,7 @@ class CellGather {
   Vec3d direction(int c) const { return cell_[c].w; }
   double hit_distance(int c) const { return cell_[c].s; }  // Infinite for a miss.
   const CellLight& light(int c) const { return light_[c]; }
-  // Those that reflect, where `reflect` of HitLight or deeper light would be seen.
-  std::vector<Stratum> strata() const;
+  const Strata& strata() const { return strata_; }
   int shell_count() const { return boundaries_.empty() ? 0 : static_cast<int>(boundaries_.size()) - 1; }
   bool has_radial_term() const { return !boundaries_.empty() && (!is_black(sigma_here_) || effects_.emission); }
   // sigma L - Q of T1 for a cell, once look_here() has found what the medium sends from the point
@@ -79,6 +78,8 @@ class CellGather {
   void draw_jitter(int c);
   void march_cell(int c, Counters& counters);
   void add_surface(int c);
+  void keep_stratum(int c, const RgbD& transmittance);
+  void keep_medium_points(int c);
   Vec3d bend_integral(int volume, int shell, double inverse_t) const;
   Ray ray_of(const Cell& seen) const { return {origin_, seen.w}; }
   RandomStream stream(int of_cell, int use) const {
@@ -104,7 +105,8 @@ class CellGather {
   std::vector<Ray> rays_;
   std::vector<Hit> hits_;
   std::vector<CellLight> light_;
-  std::vector<RgbD> transmittance_;  // Up to the hit, by cell.
+  Strata strata_;
+  std::vector<MediumStretch> stretches_;
   std::vector<double> inverse_r_;  // 1/r at each side of a wall.
   std::vector<RgbD> phi_;          // Phi of gradients.md 3, at each side of a wall.
   std::vector<double> boundaries_, shell_shift_, jitter_;

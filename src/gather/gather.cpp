@@ -131,7 +131,7 @@ GradientTerms Gatherer::Impl::terms_of(GradientMode of, Counters& counters) {
   return terms;
 }
 
-std::vector<Stratum> Gatherer::strata() const { return impl_->around.strata(); }
+const Strata& Gatherer::strata() const { return impl_->around.strata(); }
 
 Gatherer::Gatherer(const Lighting& lighting, const Effects& effects, const GatherOptions& options)
     : impl_(std::make_unique<Impl>(lighting, effects, options)) {}

@@ -33,6 +33,9 @@ struct GatherOptions {
   int shells = 0;          // 0: as many as the medium needs, at most kMaxAutomaticShells.
   double step_voxels = 0;  // 0: exact.
   GradientMode gradient = GradientMode::Full;
+  // Below 0: no strata are kept. Else strata() holds them, each with at most so many points of a medium
+  // that scatters more than once.
+  int medium_points = -1;
   static constexpr int kMaxAutomaticShells = 48;
   int cell_count() const { return cells_theta * cells_phi; }
 };
@@ -49,7 +52,7 @@ struct HitLight {
   double min_radius = 0;  // Records act as if at least this wide.
   // What has scattered already and scatters again; null: the medium scatters only light straight
   // from lights.
-  const IncidentField* scattered = nullptr;
+  std::shared_ptr<const IncidentField> scattered{};
 };
 
 // Where and how to gather. `offset` clears the surface that the point lies on.
@@ -89,8 +92,8 @@ class Gatherer {
   // Gradients of another mode from the samples of the last gather(), which ran in mode Full.
   GradientTerms gradient(GradientMode mode);
 
-  // The strata of the last gather() that other light at their hits would change.
-  std::vector<Stratum> strata() const;
+  // The strata of the last gather() that other light at their hits or in the medium would change.
+  const Strata& strata() const;
 
  private:
   struct Impl;

@@ -1,44 +1,31 @@
-// Light in the medium that has scattered already, as gathers see it: moments of incident radiance
-// (core/spherical_harmonics.h) on a regular grid, linear between its nodes. Built of the volume
-// records of one bounce (bake/), because a gather asks tens of thousands of times.
+// Light in the medium that has scattered already, as gathers and eye rays see it: moments of incident
+// radiance (core/spherical_harmonics.h) between volume records.
+//
+// A gather asks tens of thousands of times, so moments are looked up once at the nodes of a regular
+// grid and are linear between them. Cells that a surface passes through, and places off the grid, ask
+// the records themselves: nothing is interpolated through a surface.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
 
 #include "core/math.h"
 #include "core/spherical_harmonics.h"
+#include "gather/volume_lookup.h"
 
 namespace brume {
 
-// Plain data once filled; read from any thread.
+// Frozen once built; read from any thread.
 class IncidentField {
  public:
-  // Where a point lies among the nodes. Points outside the box are moved to its nearest face.
-  struct Corners {
-    std::array<std::uint32_t, 8> node;
-    std::array<float, 8> weight;
-  };
-
-  // `box` is finite and not empty; nodes are `spacing` apart, or closer so that some lie on each
-  // face, and at most `max_nodes` in all.
-  IncidentField(const Box3d& box, double spacing, int order, std::size_t max_nodes);
+  // World and cache must outlive it. Node distance follows the records' radii, within a bound on
+  // memory (kMostBytes). Costs a lookup a node.
+  IncidentField(const World& world, const VolumeCache& cache, int threads);
 
   int order() const { return order_; }
-  const Box3d& box() const { return box_; }
-  std::size_t node_count() const { return std::size_t(size_[0]) * size_[1] * size_[2]; }
-  Vec3d node_position(std::size_t node) const;
-  double spacing() const { return std::max({step_.x, step_.y, step_.z}); }
-  Corners corners(const Vec3d& p) const;
-
-  // harmonic_count(order) times three channels, channels together.
-  std::size_t stride() const { return 3 * harmonic_count(order_); }
-  std::span<float> moments(std::size_t node) { return {&moments_[node * stride()], stride()}; }
-  std::span<const float> moments(std::size_t node) const {
-    return {&moments_[node * stride()], stride()};
-  }
+  std::size_t node_count() const { return moments_.size() / stride(); }
+  std::size_t memory_bytes() const { return moments_.size() * sizeof(float) + is_direct_.size(); }
 
   // sum of weights[k] * moment k at p, and the same of a phase function's weights, which is never
   // negative however few moments there are.
@@ -47,10 +34,32 @@ class IncidentField {
   RgbD moment(const Vec3d& p, int k) const;
 
  private:
-  Box3d box_;
+  struct Place {
+    std::size_t cell;
+    std::array<int, 3> at;
+    std::array<float, 3> part;
+  };
+  // harmonic_count(order) times three channels, channels together.
+  std::size_t stride() const { return 3 * harmonic_count(order_); }
+  void choose_grid(const World& world, const VolumeCache& cache);
+  void mark_surfaces(const World& world);
+  void fill(const World& world, int threads);
+  // Nothing where the records have to be asked.
+  bool find(const Vec3d& p, Place& place) const;
+  std::size_t node(int x, int y, int z) const {
+    return x + std::size_t(size_[0]) * (y + std::size_t(size_[1]) * z);
+  }
+  Vec3d node_position(int x, int y, int z) const {
+    return box_.min + Vec3d(x * step_, y * step_, z * step_);
+  }
+
+  static constexpr std::size_t kMostBytes = std::size_t(192) << 20;
+  VolumeLookup lookup_;
   int order_;
-  std::array<int, 3> size_;
-  Vec3d step_{0.0};
+  Box3d box_;
+  std::array<int, 3> size_{0, 0, 0};  // Nodes; none of them: all is asked of the records.
+  double step_ = 1;
+  std::vector<std::uint8_t> is_direct_;  // By cell, in the numbering of its lowest node.
   std::vector<float> moments_;
 };
 

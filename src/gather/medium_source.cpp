@@ -23,6 +23,15 @@ struct EquiAngular {
   }
 };
 
+// Mean transmittance from a shell to the ray's origin, exp(-tau) (1 - exp(-depth)) / depth: exact for a
+// source in proportion to density.
+RgbD shell_transmittance(const ShellMarcher& marcher, int shell) {
+  const RgbD tau = marcher.tau(shell), depth = marcher.tau(shell + 1) - tau;
+  return RgbD(one_minus_exp_over(depth.r), one_minus_exp_over(depth.g),
+              one_minus_exp_over(depth.b)) *
+         exp_neg(tau);
+}
+
 double distance_to_segment(const Ray& ray, const Vec3d& point, double a, double b) {
   const double t = std::clamp((point - ray.origin).dot(ray.direction), a, b);
   return (point - ray.at(t)).length();
@@ -115,8 +124,9 @@ void MediumSource::look_along(const Vec3d& w) {
   slope(across_.v, &RayWeights::along_v);
 }
 
+// At the place that stands for the shell's density: where dense smoke is bright, both belong together.
 void MediumSource::add_scattered_again(const ShellMarcher& marcher, int shell, const Ray& ray,
-                                       const RgbD& dimming) {
+                                       const RgbD& transmittance) {
   const auto& volumes = lighting_.world().medium().volumes();
   const std::size_t all = harmonic_count(scattered_->order());
   for (std::size_t v = 0; v < volumes.size(); ++v) {
@@ -124,13 +134,11 @@ void MediumSource::add_scattered_again(const ShellMarcher& marcher, int shell, c
     const ShellDensity& density = marcher.shell(static_cast<int>(v), shell);
     if (!volume.scatters() || !(density.integral > 0)) continue;
     const Vec3d p = ray.at(density.t_sample);
-    const RgbD strength = dimming * volume.sigma_s_at(p) * density.integral;
+    const RgbD strength = transmittance * volume.sigma_s_at(p) * density.integral;
     const bool is_even = volume.phase.is_isotropic();
-    const auto times = [&](const Harmonics& weights) {
-      return scattered_->dot(p, std::span(weights.data(), is_even ? 1 : all));
-    };
     const RayWeights& w = weights_[v];
-    shells_[shell].scattered += strength * times(w.value);
+    shells_[shell].rescattered +=
+        strength * scattered_->dot(p, std::span(w.value.data(), is_even ? 1 : all));
     if (!directional_ || is_even || all == 1) continue;
     // d_w Q with its sign turned, as for light straight from lights.
     const auto slope = [&](const Harmonics& weights) {
@@ -139,6 +147,20 @@ void MediumSource::add_scattered_again(const ShellMarcher& marcher, int shell, c
     shells_[shell].directional -= outer(strength * slope(w.along_u), across_.u) +
                                   outer(strength * slope(w.along_v), across_.v);
   }
+}
+
+void MediumSource::stretches(const ShellMarcher& marcher, const Ray& ray,
+                             std::vector<MediumStretch>& stretches) const {
+  const auto& volumes = lighting_.world().medium().volumes();
+  stretches.clear();
+  for (int i = 0; i < marcher.shell_count(); ++i)
+    for (std::size_t v = 0; v < volumes.size(); ++v) {
+      const ShellDensity& density = marcher.shell(static_cast<int>(v), i);
+      if (!volumes[v].scatters() || !(density.integral > 0)) continue;
+      const RgbD weight = shell_transmittance(marcher, i) *
+                          volumes[v].sigma_s_at(ray.at(density.t_sample)) * density.integral;
+      if (!is_black(weight)) stretches.push_back({static_cast<int>(v), density.t_sample, weight});
+    }
 }
 
 RgbD MediumSource::scattered_again(const Vec3d& p, const Vec3d& w) const {
@@ -166,11 +188,7 @@ const std::vector<ShellLight>& MediumSource::shells(const ShellMarcher& marcher,
   if (scattered_) look_along(ray.direction);
   for (int i = 0; i < n; ++i) {
     const double a = boundaries[i], b = std::min(boundaries[i + 1], t_end);
-    const RgbD tau = marcher.tau(i), depth = marcher.tau(i + 1) - tau;
-    // exp(-tau) (1 - exp(-depth)) / depth: exact for a source in proportion to density.
-    const RgbD dimming = RgbD(one_minus_exp_over(depth.r), one_minus_exp_over(depth.g),
-                              one_minus_exp_over(depth.b)) *
-                         exp_neg(tau);
+    const RgbD dimming = shell_transmittance(marcher, i);
     if (effects_.scattering) add_scattering(marcher, i, ray, a, b, jitter[i], dimming, random);
     if (scattered_) add_scattered_again(marcher, i, ray, dimming);
     for (std::size_t v = 0; v < volumes.size(); ++v) {

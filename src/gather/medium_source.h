@@ -14,11 +14,20 @@ namespace brume {
 
 // One shell's light, integrated over the shell and dimmed back to where the ray starts.
 struct ShellLight {
-  RgbD scattered, emitted;
+  RgbD scattered;    // Straight from lights.
+  RgbD rescattered;  // Had scattered before, or met a surface.
+  RgbD emitted;
   // sum of (dp/dc / p) * scattered * e over samples, e the way the light travels: the directional term
   // before its 1/t (gradients.md 3, T4). Only where asked for, and for anisotropic media.
   RgbGradient directional;
-  RgbD total() const { return scattered + emitted; }
+  RgbD total() const { return scattered + rescattered + emitted; }
+};
+
+// What a volume scatters of a stretch of a ray, without its phase function.
+struct MediumStretch {
+  int volume = 0;
+  double distance = 0;  // Of a point that stands for it.
+  RgbD weight;          // The integral of transmittance * sigma_s.
 };
 
 // Q(p, .) per length at one point, in all directions [W/(m^2 sr) per world unit].
@@ -57,6 +66,10 @@ class MediumSource {
                                         std::span<const double> jitter, RandomStream& random,
                                         Counters& counters);
 
+  // Of each shell and volume of `marcher` that scatters.
+  void stretches(const ShellMarcher& marcher, const Ray& ray,
+                 std::vector<MediumStretch>& stretches) const;
+
   // Area lights with `samples` points. Visibility is traced.
   SourceAtPoint source_at(const Vec3d& p, int samples, RandomStream& random,
                           Counters& counters) const;
@@ -85,7 +98,7 @@ class MediumSource {
   };
   void look_along(const Vec3d& w);
   void add_scattered_again(const ShellMarcher& marcher, int shell, const Ray& ray,
-                           const RgbD& dimming);
+                           const RgbD& transmittance);
 
   const Lighting& lighting_;
   Effects effects_;

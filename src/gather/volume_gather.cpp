@@ -46,17 +46,23 @@ VolumeGatherResult VolumeGatherer::Impl::gather(const Vec3d& position, std::uint
   const DirectionCells& cells = around.cells();
   VolumeGatherResult result;
   result.moments.assign(count(), RgbD());
+  result.reflected.assign(count(), RgbD());
   const double mean_free_path = 1 / max_component(world.medium().sigma_t_at(position));
-  double inverse_distance = 0, all = 0, spread = 0;
+  double inverse_distance = 0, all = 0, spread = 0, inverse_surfaces = 0;
   for (int c = 0; c < cells.count(); ++c) {
     const CellLight& seen = around.light(c);
     const RgbD total = seen.total();
     const double g = cells.cell(c).measure, brightness = luminance(total);
     const Harmonics y = harmonics(around.direction(c));
-    for (std::size_t k = 0; k < count(); ++k) result.moments[k] += total * (g * y[k]);
+    const RgbD reflected = seen.surface - seen.emitted;
+    for (std::size_t k = 0; k < count(); ++k) {
+      result.moments[k] += total * (g * y[k]);
+      result.reflected[k] += reflected * (g * y[k]);
+    }
     result.fluence_surface += seen.surface * g;
     result.fluence_media += seen.media * g;
     result.nearest = std::min(result.nearest, around.hit_distance(c));
+    inverse_surfaces += g / around.hit_distance(c);
     // Media are smooth within a mean free path, surfaces are what they are.
     inverse_distance +=
         g * (luminance(seen.surface) / around.hit_distance(c) +
@@ -69,6 +75,7 @@ VolumeGatherResult VolumeGatherer::Impl::gather(const Vec3d& position, std::uint
                      0.5 * (cells.cell(wall.low).measure + cells.cell(wall.high).measure);
     spread += d * d / 2;
   }
+  if (inverse_surfaces > 0) result.surface_distance = 4 * kPi / inverse_surfaces;
   result.error = std::sqrt(spread * cells.count() / double(cells.walls().size()));
   result.scale = inverse_distance > 0 ? all / inverse_distance : kInfinity;
   if (mode == GradientMode::Full) add_full_terms(counters);
@@ -148,6 +155,8 @@ std::vector<RgbGradient> VolumeGatherer::gradients(GradientMode mode) {
   Counters counters;
   return impl_->gradients(mode, counters);
 }
+
+const Strata& VolumeGatherer::strata() const { return impl_->around.strata(); }
 
 GradientTerms VolumeGatherer::terms(int k) const { return impl_->kept[k]; }
 

@@ -14,12 +14,14 @@ namespace brume {
 struct VolumeGatherResult {
   // harmonic_count(order) of each; the first is the fluence [W/m^2]. Per world unit.
   std::vector<RgbD> moments;
+  std::vector<RgbD> reflected;  // Part of moments: what surfaces reflect.
   std::vector<RgbGradient> gradients;
   RgbD fluence_surface, fluence_media;
   double error = 0;           // Estimated standard error of the fluence's luminance.
   double scale = kInfinity;   // Harmonic mean distance of what sends light, split-sphere [JDZJ08];
                               // what is nearer than a mean free path counts as so far.
   double nearest = kInfinity; // Of the surfaces seen.
+  double surface_distance = kInfinity;  // Of them, in the harmonic mean over all directions.
 };
 
 // Scratch memory of one thread. The World and Lighting must outlive it.
@@ -34,6 +36,8 @@ class VolumeGatherer {
   VolumeGatherResult gather(const Vec3d& position, std::uint64_t key, const HitLight& light,
                             Counters& counters);
 
+  // The strata of the last gather() that other light at their hits or in the medium would change.
+  const Strata& strata() const;
   // Gradients of another mode from the samples of the last gather(), which ran in mode Full.
   std::vector<RgbGradient> gradients(GradientMode mode);
   // Those of mode Full term by term, of moment k.

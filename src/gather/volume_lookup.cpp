@@ -27,23 +27,82 @@ bool VolumeLookup::is_visible(const Vec3d& p, std::uint32_t record) const {
   return !world_.tracer().is_occluded({p, to / distance, distance * (1 - 1e-5)});
 }
 
-void VolumeLookup::find(const Vec3d& p, std::vector<VolumePart>& parts) const {
-  parts.clear();
-  VolumeQuery query{kDeepVolumeLayer, p, 0};
-  for (int doubling = 0; doubling <= kMostDoublings; ++doubling) {
-    double sum = 0;
-    for (const auto& [record, weight] : cache_.explain(query)) {
-      if (!is_visible(p, record)) continue;
-      parts.push_back({record, static_cast<float>(weight)});
-      sum += weight;
+// Of all weights that reproduce what is linear, the ones closest to the kernel's: maximum entropy
+// [AO06], w_i = k_i exp(lambda . d_i) with lambda so that sum w_i d_i = 0. They are positive, so that
+// transport stays so. Where p lies outside the records' hull, lambda is kept within a bound: it leans
+// towards the near ones as far as that allows.
+void VolumeLookup::centre(std::vector<VolumePart>& parts, std::span<const Vec3d> offsets) const {
+  constexpr int kSteps = 6;
+  constexpr double kLargest = 4, kCentred = 0.02, kDamping = 1e-2;
+  const std::size_t n = parts.size();
+  if (n < 2) return;
+  // Supports may be flat: each axis counts in its own scale.
+  Vec3d scale(0.0);
+  for (const Vec3d& d : offsets)
+    for (int a = 0; a < 3; ++a) scale[a] = std::max(scale[a], std::abs(d[a]));
+  for (int a = 0; a < 3; ++a)
+    if (!(scale[a] > 0)) scale[a] = 1;
+  Vec3d lambda(0.0);
+  double w[kMostParts];
+  for (int step = 0;; ++step) {
+    double sum = 0, h[6] = {};
+    Vec3d mean(0.0);
+    for (std::size_t i = 0; i < n; ++i) {
+      const Vec3d d = offsets[i] / scale;
+      w[i] = parts[i].weight * std::exp(lambda.dot(d));
+      sum += w[i];
+      mean += d * w[i];
+      h[0] += w[i] * d.x * d.x;
+      h[1] += w[i] * d.x * d.y;
+      h[2] += w[i] * d.x * d.z;
+      h[3] += w[i] * d.y * d.y;
+      h[4] += w[i] * d.y * d.z;
+      h[5] += w[i] * d.z * d.z;
     }
-    if (sum > 0) {
-      for (VolumePart& part : parts) part.weight = static_cast<float>(part.weight / sum);
+    mean /= sum;
+    if (step == kSteps || mean.length() < kCentred) {
+      for (std::size_t i = 0; i < n; ++i) parts[i].weight = static_cast<float>(w[i] / sum);
       return;
     }
-    parts.clear();
+    // The covariance is the second derivative of log sum w.
+    const double xx = h[0] / sum - mean.x * mean.x + kDamping, xy = h[1] / sum - mean.x * mean.y,
+                 xz = h[2] / sum - mean.x * mean.z,
+                 yy = h[3] / sum - mean.y * mean.y + kDamping, yz = h[4] / sum - mean.y * mean.z,
+                 zz = h[5] / sum - mean.z * mean.z + kDamping;
+    const Vec3d a(xx, xy, xz), b(xy, yy, yz), c(xz, yz, zz);
+    const double det = a.dot(b.cross(c));
+    const Vec3d move = Vec3d(mean.dot(b.cross(c)), a.dot(mean.cross(c)), a.dot(b.cross(mean))) / det;
+    lambda -= move;
+    if (lambda.length() > kLargest) lambda *= kLargest / lambda.length();
+  }
+}
+
+void VolumeLookup::find(const Vec3d& p, std::vector<VolumePart>& parts) const {
+  find(p, kNobody, parts);
+}
+
+void VolumeLookup::find_others(std::uint32_t record, std::vector<VolumePart>& parts) const {
+  find(vector(cache_.all().records[record].position) + cache_.origin(), record, parts);
+}
+
+void VolumeLookup::find(const Vec3d& p, std::uint32_t but, std::vector<VolumePart>& parts) const {
+  parts.clear();
+  thread_local std::vector<Vec3d> offsets;
+  offsets.clear();
+  VolumeQuery query{kDeepVolumeLayer, p, 0};
+  for (int doubling = 0; doubling <= kMostDoublings && parts.empty(); ++doubling) {
+    for (const auto& [record, weight] : cache_.explain(query)) {
+      if (record == but || parts.size() == kMostParts || !is_visible(p, record)) continue;
+      parts.push_back({record, static_cast<float>(weight)});
+      offsets.push_back(vector(cache_.all().records[record].position) + cache_.origin() - p);
+    }
     query.min_radius = 2 * std::max(query.min_radius, least_radius_);
   }
+  if (parts.empty()) return;
+  double sum = 0;
+  for (const VolumePart& part : parts) sum += part.weight;
+  for (VolumePart& part : parts) part.weight = static_cast<float>(part.weight / sum);
+  centre(parts, offsets);
 }
 
 bool VolumeLookup::covers(const Vec3d& p) const {
@@ -58,18 +117,8 @@ bool VolumeLookup::moments(const Vec3d& p, std::span<float> out) const {
   find(p, parts);
   for (const VolumePart& part : parts) {
     const std::span<const VolumeMoment> moments = cache_.all().moments_of(part.record);
-    const Vec3d d = p - cache_.origin() - vector(cache_.all().records[part.record].position);
-    double kept = 1;
-    for (int c = 0; c < 3; ++c) {
-      const double value = moments[0].value[c];
-      const double change = std::abs(vector(moments[0].gradient + 3 * c).dot(d));
-      if (change > value) kept = std::min(kept, value / change);
-    }
     for (std::size_t k = 0; k < moments.size(); ++k)
-      for (int c = 0; c < 3; ++c)
-        out[3 * k + c] += static_cast<float>(
-            part.weight *
-            (moments[k].value[c] + kept * vector(moments[k].gradient + 3 * c).dot(d)));
+      for (int c = 0; c < 3; ++c) out[3 * k + c] += part.weight * moments[k].value[c];
   }
   return !parts.empty();
 }

@@ -23,17 +23,22 @@ class VolumeLookup {
   // Records that cover p and see it, in record order; weights sum to 1. Where there is none, radii
   // are doubled, up to kMostDoublings times; empty where still none is found.
   void find(const Vec3d& p, std::vector<VolumePart>& parts) const;
+  // The same at a record, without it.
+  void find_others(std::uint32_t record, std::vector<VolumePart>& parts) const;
   // Whether find() needs no doubling.
   bool covers(const Vec3d& p) const;
-  // Moments at p by values and gradients, three channels each: their weighted mean. A record's fluence
-  // stays within 0 and twice its value, at which all its gradients are cut short. False where find()
-  // is empty; then all are 0.
+  // Moments at p, three channels each: the mean with find()'s weights. False where it finds nothing;
+  // then all are 0.
   bool moments(const Vec3d& p, std::span<float> out) const;
 
  private:
+  static constexpr std::uint32_t kNobody = 0xffffffff;
+  void find(const Vec3d& p, std::uint32_t but, std::vector<VolumePart>& parts) const;
+  void centre(std::vector<VolumePart>& parts, std::span<const Vec3d> offsets) const;
   bool is_visible(const Vec3d& p, std::uint32_t record) const;
 
   static constexpr int kMostDoublings = 12;
+  static constexpr std::size_t kMostParts = 64;
   const World& world_;
   const VolumeCache& cache_;
   double least_radius_ = 0;

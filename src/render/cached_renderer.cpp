@@ -21,12 +21,14 @@ constexpr int kMostStretches = 3;  // Doublings of a query's footprint before a 
 class PixelRenderer {
  public:
   PixelRenderer(const Lighting& lighting, const BakeSettings& settings, const IrradianceCache& cache,
-                const CameraRays& camera, const CachedRenderOptions& options)
+                const HitLight& below, const CameraRays& camera, const CachedRenderOptions& options)
       : lighting_(lighting), world_(lighting.world()), settings_(settings), cache_(cache),
         camera_(camera), options_(options),
         effects_(plan_effects(world_, settings.bounces, settings.volume_bounces)),
         marcher_(world_.medium(), march_options()), source_(lighting, effects_),
-        hit_light_(lighting), below_(light_below(cache, settings, world_)) {}
+        hit_light_(lighting), below_(below) {
+    source_.use_scattered(below_.scattered.get());
+  }
 
   PixelResult pixel(int x, int y);
 
@@ -60,7 +62,7 @@ class PixelRenderer {
   ShellMarcher marcher_;
   MediumSource source_;
   SurfaceLight hit_light_;
-  HitLight below_;
+  const HitLight& below_;
   std::unique_ptr<Gatherer> gatherer_;
   std::vector<double> boundaries_, jitter_;
 };
@@ -78,7 +80,7 @@ RgbD PixelRenderer::march_eye_ray(const Ray& ray, double t_end, const SamplePoin
   RgbD reaching(1);
   const Interval inside = clip(ray, medium.bounds(), {0, t_end});
   if (inside.is_empty()) return reaching;
-  if (!effects_.scattering && !effects_.emission) {
+  if (!effects_.scattering && !effects_.emission && !below_.scattered) {
     reaching = exp_neg(optical_depth(medium, ray, {0, t_end}, march_options(), march));
   } else {
     double end = inside.end;
@@ -96,6 +98,7 @@ RgbD PixelRenderer::march_eye_ray(const Ray& ray, double t_end, const SamplePoin
     for (const ShellLight& shell :
          source_.shells(marcher_, ray, boundaries_, t_end, jitter_, random, counters)) {
       result[Layer::VolumeDirect] += shell.scattered;
+      result[Layer::VolumeIndirect] += shell.rescattered;
       result[Layer::VolumeEmission] += shell.emitted;
     }
     reaching = exp_neg(marcher_.tau(marcher_.shell_count()));
@@ -137,7 +140,8 @@ RgbD PixelRenderer::glossy_indirect(const Vec3d& p, const Vec3d& n, const Vec3d&
   ++counters.rays;
   PixelResult seen;  // Collects the medium's light along the way.
   const RgbD reaching = march_eye_ray(ray, hit.t, points, random, seen);
-  RgbD light = seen[Layer::VolumeDirect] + seen[Layer::VolumeEmission];
+  RgbD light =
+      seen[Layer::VolumeDirect] + seen[Layer::VolumeIndirect] + seen[Layer::VolumeEmission];
   if (hit.is_hit()) {
     hit_light_.begin(1);
     hit_light_.add(0, hit, ray.direction, below_, random, counters);
@@ -240,6 +244,7 @@ CachedRenderResult render_cached(const Lighting& lighting, const BakeSettings& s
   const int tiles_x = (x1 - x0 + kTilePixels - 1) / kTilePixels;
   const int tiles_y = (y1 - y0 + kTilePixels - 1) / kTilePixels;
 
+  const HitLight below = light_below(cache, settings, lighting.world(), options.threads);
   std::vector<std::unique_ptr<PixelRenderer>> renderers(
       static_cast<std::size_t>(resolve_thread_count(options.threads)));
   std::atomic<std::size_t> done = 0;
@@ -252,7 +257,7 @@ CachedRenderResult render_cached(const Lighting& lighting, const BakeSettings& s
     }
     if (!renderers[slot])
       renderers[slot] =
-          std::make_unique<PixelRenderer>(lighting, settings, cache, camera, options);
+          std::make_unique<PixelRenderer>(lighting, settings, cache, below, camera, options);
     const int tx = x0 + static_cast<int>(tile % tiles_x) * kTilePixels;
     const int ty = y0 + static_cast<int>(tile / tiles_x) * kTilePixels;
     for (int y = ty; y < std::min(ty + kTilePixels, y1); ++y)

@@ -27,7 +27,7 @@ class GroundRun {
         run_(run),
         ground_(scene, options.area),
         deeper_(bake_layers_below(scene, "light below", run)),
-        light_(light_below(*deeper_.cache, scene.settings(), scene.world())) {}
+        light_(light_below(*deeper_.cache, scene.settings(), scene.world(), run.threads)) {}
 
   GroundStudy run();
 

@@ -69,7 +69,7 @@ InterpolationStudy study_interpolation(const StudyScene& scene, const Irradiance
       at.push_back({points[i].position, points[i].normal, points[i].offset,
                     random_key(options.seed, std::uint64_t{0x696e746572}, half, i)});
     references[half] =
-        gather_points(scene, gather, light_below(cache, scene.settings(), scene.world()), at,
+        gather_points(scene, gather, light_below(cache, scene.settings(), scene.world(), run.threads), at,
                       "converged irradiance", run);
   }
   NoiseFreeError own;

@@ -50,7 +50,7 @@ RegradientResult regradient(const StudyScene& scene, const IrradianceCache& cach
   GatherOptions options = scene.settings().gather;
   options.gradient = GradientMode::Full;
   const std::vector<PointGather> gathers =
-      gather_points(scene, options, light_below(cache, scene.settings(), scene.world()), points,
+      gather_points(scene, options, light_below(cache, scene.settings(), scene.world(), run.threads), points,
                     "gradients of every mode", run);
   RegradientResult result;
   for (std::size_t i = 0; i < records.size(); ++i)
@@ -80,7 +80,7 @@ PairedCost compare_gather_cost(const StudyScene& scene, const IrradianceCache& c
     options.gradient = g == 0 ? first : second;
     gatherers[g] = std::make_unique<Gatherer>(scene.lighting(), scene.effects(), options);
   }
-  const HitLight light = light_below(cache, scene.settings(), scene.world());
+  const HitLight light = light_below(cache, scene.settings(), scene.world(), run.threads);
   const std::size_t count = std::min(gathers, records.size());
   const auto point = [&](std::size_t i) {  // Spread over all records.
     return gather_point(scene, records[i * records.size() / count], cache.origin());

@@ -43,7 +43,7 @@ Verification verify_cache(const Lighting& lighting, const BakeSettings& settings
   GatherOptions gather = settings.gather;
   gather.cells_theta = options.cells_theta;
   gather.cells_phi = options.cells_phi;
-  const HitLight below = light_below(cache, settings, world);
+  const HitLight below = light_below(cache, settings, world, options.threads);
 
   struct Outcome {
     VerifyPoint point;

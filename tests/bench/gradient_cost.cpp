@@ -32,7 +32,7 @@ int main(int argc, char** argv) {
   BakeRequest request;
   request.everywhere = true;
   const BakeResult deeper = bake_deep(lighting, settings, request, nullptr);
-  const HitLight below = light_below(*deeper.cache, settings, world);
+  const HitLight below = light_below(*deeper.cache, settings, world, 0);
   const Effects effects = plan_effects(world, settings.bounces, settings.volume_bounces);
 
   const auto records = deeper.cache->records();

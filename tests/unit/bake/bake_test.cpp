@@ -60,7 +60,7 @@ TEST(Bake, ViewsGiveTheSameBytesForAnyThreadCount) {
   const BakeResult one = smoky().bake(request_of({wide_view()}, 1));
   EXPECT_GT(one.cache->records().size(), 200u);
   EXPECT_EQ(one.stats.records_added, one.cache->records().size());
-  EXPECT_EQ(one.orders, 1);
+  EXPECT_EQ(one.deep.orders, 1);
   for (const int threads : {2, 3, 7})
     EXPECT_TRUE(same_bytes(*one.cache, *smoky().bake(request_of({wide_view()}, threads)).cache))
         << threads << " threads";

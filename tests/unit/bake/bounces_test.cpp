@@ -50,8 +50,8 @@ TEST(Bounces, FollowTheGeometricSeries) {
   for (const int bounces : {1, 2, 3, 4}) {
     const Stage stage(furnace(static_cast<float>(rho)), test::coarse_settings(bounces));
     const BakeResult baked = stage.bake_everywhere();
-    EXPECT_EQ(baked.orders, bounces - 1);
-    EXPECT_EQ(baked.truncation_bound, 0);
+    EXPECT_EQ(baked.deep.orders, bounces - 1);
+    EXPECT_EQ(baked.deep.truncation_bound, 0);
     for (const int layer : {kDeepLayer, kTopLayer}) {
       const Range e = irradiance_inside(*baked.cache, layer);
       const double expected = series(rho, layer == kTopLayer ? bounces : bounces - 1);
@@ -98,15 +98,15 @@ TEST(Bounces, ManyEndByABoundThatHolds) {
   const double rho = 0.5;
   const Stage stage(furnace(static_cast<float>(rho)), test::coarse_settings(64));
   const BakeResult baked = stage.bake_everywhere();
-  EXPECT_LT(baked.orders, 16);
-  EXPECT_GT(baked.orders, 5);
-  EXPECT_GT(baked.truncation_bound, 0);
-  EXPECT_LT(baked.truncation_bound, 1e-3);
+  EXPECT_LT(baked.deep.orders, 16);
+  EXPECT_GT(baked.deep.orders, 5);
+  EXPECT_GT(baked.deep.truncation_bound, 0);
+  EXPECT_LT(baked.deep.truncation_bound, 1e-3);
   const Range e = irradiance_inside(*baked.cache, kTopLayer);
   const double expected = kPi / (1 - rho);
   EXPECT_GT(e.count, 50u);
   // The bound, and the noise of gathers.
-  EXPECT_NEAR(e.mean, expected, (baked.truncation_bound + 0.002) * expected);
+  EXPECT_NEAR(e.mean, expected, (baked.deep.truncation_bound + 0.002) * expected);
   EXPECT_GT(e.mean, 0.98 * expected);
 }
 

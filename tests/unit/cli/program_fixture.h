@@ -125,6 +125,12 @@ class ProgramTest : public CliTest {
   std::size_t records_in(const std::string& file) const {
     return check_cache(path(file)).opening.contents.records.size();
   }
+  std::size_t deep_records_in(const std::string& file) const {
+    const CacheCheck check = check_cache(path(file));
+    std::size_t deep = 0;
+    for (const SurfaceRecord& r : check.opening.contents.records) deep += r.layer() == kDeepLayer;
+    return deep;
+  }
 
  private:
   std::string scene_, whole_;

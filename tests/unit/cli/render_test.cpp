@@ -231,11 +231,11 @@ TEST_F(Render, PathTracingReportsItsErrorAndNeedsNoCache) {
   EXPECT_EQ(json["records"], 0);
 }
 
-TEST_F(Render, MoreScatteringThanCanBeCachedIsRefusedWithTheWayOut) {
-  const RunResult result = render({"--volume-bounces", "3"});
+TEST_F(Render, MoreScatteringThanAFileHoldsIsRefusedWithTheWayOut) {
+  const RunResult result = render({"--volume-bounces", "3", "--cache", path("c.irc")});
   EXPECT_EQ(result.code, 3);
   EXPECT_THAT(result.err, HasSubstr("/render/volume_bounces"));
-  EXPECT_THAT(result.err, HasSubstr("--integrator path"));
+  EXPECT_THAT(result.err, HasSubstr("without a cache file"));
 }
 
 TEST_F(Render, OverridesReachTheScene) {

@@ -1,0 +1,86 @@
+// K: what one more bounce or scattering makes of the light at deep records, made once of the strata of
+// their gathers (docs/decisions/0008).
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "cache/irradiance_cache.h"
+#include "gather/stratum.h"
+#include "gather/volume_lookup.h"
+
+namespace brume {
+
+// What one deep record's gather found: light that is known before the solve, and where the rest comes
+// from. One number is irradiance, of surfaces; harmonic_count(order) are moments, of the medium.
+struct DeepRow {
+  std::vector<RgbD> unreflected;  // Met no surface yet: scattered once by the medium, or emitted.
+  std::vector<RgbD> reflected;    // Lamps' light that the hits reflect.
+  Strata strata;
+};
+
+// A row as a journal keeps it, and back; nothing for bytes that are no row.
+std::vector<unsigned char> bytes_of(const DeepRow& row);
+std::optional<DeepRow> row_of(std::span<const unsigned char> bytes);
+
+// Irradiance of each surface record and moments of each volume record, in their caches' orders.
+struct DeepLight {
+  std::vector<RgbD> surface, volume;
+};
+
+// Irradiance at hits and moments at points of the medium are weighted means of the records that cover
+// them, without gradients and clamps: so K is linear, keeps light that is nowhere negative so, and its
+// rows sum to at most the largest albedo.
+class LightTransport {
+ public:
+  // `surface_rows` and `volume_rows` in the order of the records of `deep`, which are all deep; their
+  // strata are consumed. Surface records act as if at least `min_radius` wide.
+  LightTransport(const World& world, const IrradianceCache& deep, std::vector<DeepRow>& surface_rows,
+                 std::vector<DeepRow>& volume_rows, double min_radius, int threads);
+
+  // K of what surfaces reflect (of light.surface) and of what the medium scatters (of light.volume).
+  DeepLight reflect(const DeepLight& light) const { return apply(&light.surface, nullptr); }
+  DeepLight scatter(const DeepLight& light) const { return apply(nullptr, &light.volume); }
+
+  std::size_t surface_count() const { return surface_rows_.size(); }
+  std::size_t volume_count() const { return volume_rows_.size(); }
+  std::size_t moment_count() const { return moments_; }
+  std::size_t stratum_count() const;
+  // Of reflect() and scatter(), so far.
+  int applications() const { return applications_; }
+
+ private:
+  struct Term {
+    std::uint32_t record;
+    float weight;
+  };
+  struct Point {
+    float weight[3];
+    std::uint32_t volume, terms_end;
+  };
+  struct Link {
+    float direction[3], measure, reflectance[3];
+    std::uint32_t terms_end, points_end;  // Its surface's terms come first, then each point's.
+  };
+  struct Row {
+    std::vector<Link> links;
+    std::vector<Point> points;
+    std::vector<Term> terms;
+  };
+  Row linked(const Vec3d& receiver, Strata strata, const IrradianceCache& deep,
+             const VolumeLookup& medium, double min_radius) const;
+  DeepLight apply(const std::vector<RgbD>* surface, const std::vector<RgbD>* volume) const;
+  template <typename Add>
+  void shade(const Row& row, const std::vector<RgbD>* surface, const std::vector<RgbD>* volume,
+             const Add& add) const;
+
+  std::vector<double> anisotropies_;  // By volume.
+  int order_ = 0;
+  std::size_t moments_ = 1;
+  std::vector<Row> surface_rows_, volume_rows_;
+  int threads_;
+  mutable int applications_ = 0;
+};
+
+}  // namespace brume

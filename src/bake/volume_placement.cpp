@@ -1,0 +1,349 @@
+#include "bake/volume_placement.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cstring>
+#include <numeric>
+
+#include "core/parallel.h"
+#include "core/random.h"
+
+namespace brume {
+namespace {
+
+// How long a cell may be along an axis: in optical depth, the larger of a least one and a part of the
+// depth to the medium's nearer edge or surface; in distance, a part of that to surfaces on either side
+// and, where they are close, of their mean distance in six directions; a part of that to the nearest
+// lamp. Chosen by furnaces and slabs (docs/decisions/0009).
+constexpr double kLeastDepth = 0.3, kPartOfDepth = 0.7;
+constexpr double kPartOfDistance = 0.7, kPartOfMeanDistance = 0.3;
+constexpr double kPartOfLampDistance = 0.7, kNearestLamp = 0.1;
+// Radii in lengths of a cell: each place lies in the supports of the cells around it.
+constexpr double kCellsInRadius = 1.25;
+constexpr int kMostDepth = 40;       // Of the tree.
+constexpr std::size_t kMostFirst = 8000, kMostRecords = 20000;
+constexpr int kMostWaves = 8;
+// A cell is cut where its light differs by more than this part from what its neighbours say, and that
+// is more than this part of all light that is scattered.
+constexpr double kChange = 0.1, kLeastMatter = 2e-5;
+constexpr double kCoarserBy = 1.1;  // Where that many would not do.
+constexpr int kTries = 24;           // Places in a cell that may hold medium.
+constexpr double kEven = 1.5;        // Most of sigma_s over its mean, in an even cell.
+constexpr std::uint64_t kKeyOfVolume = 0x766f6c756d65ULL;
+
+Vec3d vector(const float* v) { return {v[0], v[1], v[2]}; }
+
+double scattering_at(const Medium& medium, const Vec3d& p) {
+  double sum = 0;
+  for (const Volume& v : medium.volumes())
+    if (v.scatters()) sum += mean_component(v.sigma_s_at(p)) * v.density_at(p);
+  return sum;
+}
+
+// Where light may scatter that gathers or eyes see, and a little around it. A medium without end is
+// looked at as far as surfaces and lamps go, and some mean free paths.
+Box3d scattering_box(const World& world) {
+  const Medium& medium = world.medium();
+  if (!medium.is_unbounded()) return medium.bounds();
+  constexpr double kMeanFreePaths = 3;
+  Box3d box = world.tracer().bounds();
+  for (const auto& light : world.lights())
+    if (light->kind() != Light::Kind::Directional && light->kind() != Light::Kind::Environment)
+      box.extendBy(light->centre());
+  if (box.isEmpty()) box = Box3d(Vec3d(0.0));
+  const double sigma = max_component(medium.sigma_t_at((box.min + box.max) * 0.5));
+  const double size = (box.max - box.min).length();
+  double pad = sigma > 0 ? kMeanFreePaths / sigma : size;
+  if (size > 0) pad = std::min(pad, size);
+  return {box.min - Vec3d(pad), box.max + Vec3d(pad)};
+}
+
+}  // namespace
+
+int harmonic_order(const Medium& medium) {
+  double g = 0;
+  for (const Volume& v : medium.volumes())
+    if (v.scatters()) g = std::max(g, std::abs(double(v.phase.g())));
+  if (g == 0) return 0;
+  constexpr double kLeftOut = 0.1;
+  int order = 1;
+  for (double left = g * g; left > kLeftOut && order < kMaxHarmonicOrder; left *= g) ++order;
+  return order;
+}
+
+VolumePlacement::VolumePlacement(const Lighting& lighting, const BakeSettings& settings,
+                                 const Effects& effects, const Vec3d& origin, int threads)
+    : lighting_(lighting),
+      world_(lighting.world()),
+      settings_(settings),
+      effects_(effects),
+      origin_(origin),
+      threads_(threads),
+      order_(harmonic_order(lighting.world().medium())),
+      box_(scattering_box(lighting.world())) {
+  records_.order = order_;
+}
+
+double VolumePlacement::mean_scattering(const Box3d& cell, Vec3d& at, bool& is_even) const {
+  const Vec3d size = cell.max - cell.min;
+  RandomStream random(kKeyOfVolume);
+  Vec3d p = (cell.min + cell.max) * 0.5;
+  double sum = 0, most = 0;
+  at = p;
+  for (int i = 0; i < kTries; ++i) {
+    const double here = scattering_at(world_.medium(), p);
+    sum += here;
+    most = std::max(most, here);
+    if (random.uniform() * sum < here) at = p;
+    const Vec2d u = random.uniform2();
+    p = cell.min + Vec3d(u.x * size.x, u.y * size.y, random.uniform() * size.z);
+  }
+  const double mean = sum / kTries;
+  is_even = most <= kEven * mean;
+  return mean;
+}
+
+// Light is brightest where the medium is dense, and scatters most there: a record for an uneven cell
+// lies at a place drawn by sigma_s, so that what the cell scatters comes out right in the mean however
+// small its lumps are. Where the medium is even, the middle is the best place there is, unless a surface hides
+// the medium from it.
+std::optional<VolumePlacement::Site> VolumePlacement::site_of(const Box3d& cell) const {
+  Vec3d in_medium;
+  bool is_even = false;
+  const double scattering = mean_scattering(cell, in_medium, is_even);
+  if (!(scattering > 0)) return std::nullopt;
+  if (!is_even) return Site{in_medium, cell, scattering};
+  const Vec3d middle = (cell.min + cell.max) * 0.5, to = middle - in_medium;
+  const double distance = to.length();
+  const bool is_hidden =
+      distance > 0 && world_.tracer().is_occluded({in_medium, to / distance, distance});
+  return Site{is_hidden ? in_medium : middle, cell, scattering};
+}
+
+// How long a cell around p may be along each axis.
+Vec3d VolumePlacement::longest_steps(const Vec3d& p, double scale) const {
+  const Medium& medium = world_.medium();
+  const double sigma = max_component(medium.sigma_t_at(p));
+  double depth[3], distance[3], sum = 0;
+  int seen = 0;
+  MarchCounters ignored;
+  for (int a = 0; a < 3; ++a) {
+    depth[a] = distance[a] = kInfinity;
+    for (const double side : {-1.0, 1.0}) {
+      Vec3d w(0.0);
+      w[a] = side;
+      const double end = world_.tracer().intersect({p, w}).t;
+      distance[a] = std::min(distance[a], end);
+      if (end < kInfinity) {
+        sum += end;
+        ++seen;
+      }
+      const double far = std::min(end, medium.is_unbounded() ? 100 / std::max(sigma, 1e-300) : end);
+      depth[a] = std::min(
+          depth[a], max_component(optical_depth(medium, {p, w}, {0, far}, lighting_.march(), ignored)));
+    }
+  }
+  double lamp = kInfinity;
+  for (const auto& light : world_.lights())
+    if (light->kind() != Light::Kind::Directional && light->kind() != Light::Kind::Environment)
+      lamp = std::min(lamp, (light->centre() - p).length());
+  const double mean = seen > 0 ? sum / seen : kInfinity;
+  Vec3d steps;
+  for (int a = 0; a < 3; ++a) {
+    steps[a] = kInfinity;
+    if (sigma > 0) steps[a] = std::max(kLeastDepth, kPartOfDepth * depth[a]) / sigma;
+    steps[a] = std::min(
+        steps[a], std::max(2 * kPartOfDistance * distance[a], kPartOfMeanDistance * mean));
+    const double nearest = kNearestLamp * (mean < kInfinity ? mean : lamp);
+    steps[a] = std::min(steps[a], std::max(kPartOfLampDistance * lamp, nearest));
+    steps[a] *= scale;
+  }
+  return steps;
+}
+
+void VolumePlacement::cut(const Box3d& cell, double scale, int depth,
+                          std::vector<Site>& sites) const {
+  if (sites.size() > kMostRecords) return;
+  const std::optional<Site> site = site_of(cell);
+  if (!site) return;
+  const Vec3d steps = longest_steps(site->position, scale);
+  const Vec3d size = cell.max - cell.min;
+  int axis = 0;
+  for (int a = 1; a < 3; ++a)
+    if (size[a] * steps[axis] > size[axis] * steps[a]) axis = a;
+  if (depth == kMostDepth || !(size[axis] > steps[axis])) {
+    sites.push_back(*site);
+    return;
+  }
+  Box3d low = cell, high = cell;
+  low.max[axis] = high.min[axis] = (cell.min[axis] + cell.max[axis]) / 2;
+  cut(low, scale, depth + 1, sites);
+  cut(high, scale, depth + 1, sites);
+}
+
+std::vector<VolumePlacement::Site> VolumePlacement::first_sites(double scale) const {
+  // Begins with cells that are about cubes.
+  constexpr double kCells = 4;
+  const Vec3d size = box_.max - box_.min;
+  const double h = std::max({size.x, size.y, size.z}) / kCells;
+  int n[3];
+  for (int a = 0; a < 3; ++a) n[a] = std::max(1, static_cast<int>(std::ceil(size[a] / h - 1e-9)));
+  std::vector<std::vector<Site>> found(std::size_t(n[0]) * n[1] * n[2]);
+  parallel_for(threads_, found.size(), 1, [&](std::size_t i) {
+    const int at[3] = {static_cast<int>(i % n[0]), static_cast<int>(i / n[0] % n[1]),
+                       static_cast<int>(i / n[0] / n[1])};
+    Box3d cell;
+    for (int a = 0; a < 3; ++a) {
+      cell.min[a] = box_.min[a] + size[a] * at[a] / n[a];
+      cell.max[a] = box_.min[a] + size[a] * (at[a] + 1) / n[a];
+    }
+    cut(cell, scale, 0, found[i]);
+  });
+  std::vector<Site> all;
+  for (const auto& some : found) all.insert(all.end(), some.begin(), some.end());
+  return all;
+}
+
+bool VolumePlacement::place(const std::function<bool()>& is_stopped) {
+  std::vector<Site> fresh = first_sites(1);
+  for (double scale = kCoarserBy; fresh.size() > kMostFirst; scale *= kCoarserBy)
+    fresh = first_sites(scale);
+  for (int wave = 0; wave < kMostWaves && !fresh.empty(); ++wave) {
+    if (!gather(fresh, wave, is_stopped)) return false;
+    fresh = cut_where_light_changes();
+  }
+  sort();
+  return true;
+}
+
+bool VolumePlacement::gather(const std::vector<Site>& sites, int wave,
+                             const std::function<bool()>& is_stopped) {
+  GatherOptions options = settings_.gather;
+  options.gradient = GradientMode::None;
+  struct Worker {
+    std::unique_ptr<VolumeGatherer> gatherer;
+    Counters counters;
+  };
+  std::vector<Worker> workers(static_cast<std::size_t>(resolve_thread_count(threads_)));
+  std::vector<VolumeRecord> fresh(sites.size());
+  std::vector<DeepRow> rows(sites.size());
+  HitLight lamps;
+  lamps.reflect = settings_.bounces > 0;
+  std::atomic<bool> stopped = false;
+  parallel_for_slots(threads_, sites.size(), 1, [&](std::size_t i, int slot) {
+    if (stopped || is_stopped()) {
+      stopped = true;
+      return;
+    }
+    Worker& worker = workers[static_cast<std::size_t>(slot)];
+    if (!worker.gatherer)
+      worker.gatherer = std::make_unique<VolumeGatherer>(lighting_, effects_, options, order_);
+    VolumeRecord& r = fresh[i];
+    const Vec3d local = sites[i].position - origin_, size = sites[i].cell.max - sites[i].cell.min;
+    std::uint32_t bits[3];
+    for (int a = 0; a < 3; ++a) {
+      r.position[a] = static_cast<float>(local[a]);
+      r.radius[a] = static_cast<float>(kCellsInRadius * size[a]);
+    }
+    std::memcpy(bits, r.position, sizeof bits);
+    r.key = random_key(kKeyOfVolume, bits[0], bits[1], bits[2]);
+    r.axes[0] = 1;
+    r.flags = record_flags(kDeepVolumeLayer, wave);
+    const VolumeGatherResult g = worker.gatherer->gather(
+        vector(r.position) + origin_, random_key(settings_.seed, r.key), lamps, worker.counters);
+    r.clearance = static_cast<float>(
+        std::min<double>(g.nearest, std::numeric_limits<float>::max()));
+    r.error = static_cast<float>(g.error);
+    DeepRow& row = rows[i];
+    row.reflected = g.reflected;
+    for (std::size_t k = 0; k < g.moments.size(); ++k)
+      row.unreflected.push_back(g.moments[k] - g.reflected[k]);
+    row.strata = worker.gatherer->strata();
+  });
+  for (const Worker& w : workers) counters_ += w.counters;
+  if (stopped) return false;
+  records_.records.insert(records_.records.end(), fresh.begin(), fresh.end());
+  std::move(rows.begin(), rows.end(), std::back_inserter(rows_));
+  sites_.insert(sites_.end(), sites.begin(), sites.end());
+  return true;
+}
+
+// The eighths of cells whose light is not what their neighbours say; their own records shrink to the
+// size of those.
+std::vector<VolumePlacement::Site> VolumePlacement::cut_where_light_changes() {
+  sort();
+  const std::size_t count = records_.size();
+  std::vector<double> light(count);
+  double all = 0;
+  const auto matters = [&](std::size_t i) {
+    const Vec3d size = sites_[i].cell.max - sites_[i].cell.min;
+    return sites_[i].scattering * size.x * size.y * size.z;
+  };
+  for (std::size_t i = 0; i < count; ++i) {
+    light[i] = luminance(rows_[i].unreflected[0] + rows_[i].reflected[0]);
+    all += light[i] * matters(i);
+  }
+  const VolumeCache cache(records_, origin_);
+  const VolumeLookup lookup(world_, cache);
+  std::vector<double> error(count);
+  parallel_for(threads_, count, 16, [&](std::size_t i) {
+    std::vector<VolumePart> parts;
+    lookup.find_others(static_cast<std::uint32_t>(i), parts);
+    if (parts.empty()) return;
+    double there = 0, noise = 0;
+    for (const VolumePart& p : parts) {
+      there += p.weight * light[p.record];
+      noise += p.weight * p.weight * records_.records[p.record].error * records_.records[p.record].error;
+    }
+    noise = std::sqrt(noise + double(records_.records[i].error) * records_.records[i].error);
+    const double change = std::abs(there - light[i]) - noise;
+    if (change > kChange * std::max(there, light[i])) error[i] = change * matters(i);
+  });
+  std::vector<std::size_t> cut;
+  for (std::size_t i = 0; i < count; ++i)
+    if (error[i] > kLeastMatter * all) cut.push_back(i);
+  const std::size_t room = (kMostRecords - std::min(kMostRecords, count)) / 8;
+  if (cut.size() > room) {
+    std::stable_sort(cut.begin(), cut.end(),
+                     [&](std::size_t a, std::size_t b) { return error[a] > error[b]; });
+    cut.resize(room);
+  }
+  std::vector<Site> eighths;
+  for (const std::size_t i : cut) {
+    const Box3d cell = sites_[i].cell;
+    const Vec3d half = (cell.max - cell.min) * 0.5;
+    for (int k = 0; k < 8; ++k) {
+      const Vec3d low = cell.min + Vec3d(half.x * (k & 1), half.y * (k >> 1 & 1), half.z * (k >> 2));
+      const Box3d part(low, low + half);
+      if (const std::optional<Site> site = site_of(part)) eighths.push_back(*site);
+    }
+    for (float& radius : records_.records[i].radius) radius /= 2;
+    // What it stands for now is the middle of the eighths.
+    sites_[i].cell = {cell.min + half * 0.5, cell.max - half * 0.5};
+    sites_[i].scattering /= 2;
+  }
+  return eighths;
+}
+
+// Into VolumeRecordOrder.
+void VolumePlacement::sort() {
+  std::vector<std::uint32_t> order(records_.size());
+  std::iota(order.begin(), order.end(), 0u);
+  std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
+    return VolumeRecordOrder()(records_.records[a], records_.records[b]);
+  });
+  std::vector<VolumeRecord> records;
+  std::vector<DeepRow> rows;
+  std::vector<Site> sites;
+  for (const std::uint32_t i : order) {
+    records.push_back(records_.records[i]);
+    rows.push_back(std::move(rows_[i]));
+    sites.push_back(sites_[i]);
+  }
+  records_.records = std::move(records);
+  records_.moments.assign(records_.size() * records_.stride(), VolumeMoment{});
+  rows_ = std::move(rows);
+  sites_ = std::move(sites);
+}
+
+}  // namespace brume

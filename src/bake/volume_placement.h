@@ -1,0 +1,68 @@
+// Deep records of the medium: where, what a gather finds there, and how far each reaches.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "bake/bake.h"
+#include "bake/light_transport.h"
+#include "gather/volume_gather.h"
+
+namespace brume {
+
+// The degree up to which moments are kept, so that what is left out of a phase function's series,
+// |g|^(order + 1), is small: 0 for even scattering, 1 to |g| = 0.3, 3 to 0.55, kMaxHarmonicOrder above.
+int harmonic_order(const Medium& medium);
+
+// A record in the middle of each cell of a tree over the medium. Light between records is linear, so
+// a cell is halved along an axis while it is longer there than light is near linear over: in optical
+// depth from the medium's edges and from surfaces, where it falls off steeply, in distance from
+// surfaces and lamps elsewhere. Then, wave by wave, a cell is cut into eight where the light that its
+// gather found, of first order, is not what its neighbours make of it, and that matters: by what the
+// cell scatters of all that is scattered. A pure function of the scene and the settings; never of views.
+class VolumePlacement {
+ public:
+  // Everything must outlive it. `settings` as deep records use them.
+  VolumePlacement(const Lighting& lighting, const BakeSettings& settings, const Effects& effects,
+                  const Vec3d& origin, int threads);
+
+  // False where `is_stopped` says so first.
+  bool place(const std::function<bool()>& is_stopped);
+
+  // In VolumeRecordOrder.
+  const VolumeRecords& records() const { return records_; }
+  std::vector<DeepRow>& rows() { return rows_; }
+  const Counters& counters() const { return counters_; }
+
+ private:
+  struct Site {
+    Vec3d position{0.0};
+    Box3d cell;
+    double scattering = 0;  // The medium's sigma_s over the cell.
+  };
+  // The mean of sigma_s over the cell (0: none was found), a place drawn by it, and whether it is about
+  // the same everywhere.
+  double mean_scattering(const Box3d& cell, Vec3d& at, bool& is_even) const;
+  std::optional<Site> site_of(const Box3d& cell) const;
+  Vec3d longest_steps(const Vec3d& p, double scale) const;
+  void cut(const Box3d& cell, double scale, int depth, std::vector<Site>& sites) const;
+  std::vector<Site> first_sites(double scale) const;
+  bool gather(const std::vector<Site>& sites, int wave, const std::function<bool()>& is_stopped);
+  std::vector<Site> cut_where_light_changes();
+  void sort();
+
+  const Lighting& lighting_;
+  const World& world_;
+  BakeSettings settings_;
+  Effects effects_;
+  Vec3d origin_;
+  int threads_, order_;
+  Box3d box_;
+  VolumeRecords records_;
+  std::vector<DeepRow> rows_;  // As records_.
+  std::vector<Site> sites_;
+  Counters counters_;
+};
+
+}  // namespace brume
