@@ -73,9 +73,10 @@ class DeepBake {
   void add_uncovered(const Vec3d& receiver, const Strata& strata,
                      std::vector<SurfacePoint>& points) const;
   Records with_light(const std::vector<RgbD>& light) const;
-  // Gathers again at all records, now that the light is known, for gradients.
+  // Gathers again at surface records, now that the light is known, for gradients. Records of the medium
+  // are interpolated by weights that reproduce what is linear, and need none.
   bool add_gradients(Records& surface, const std::vector<RgbD>& before);
-  bool add_gradients(VolumeRecords& volume, const Records& surface);
+  void store(const LightTransport& transport, const DeepLight& light, VolumeRecords& volume) const;
 
   const Lighting& lighting_;
   const World& world_;
@@ -90,7 +91,7 @@ class DeepBake {
   Records records_;
   std::unordered_map<std::uint64_t, Source> sources_;  // By key.
   std::vector<std::uint64_t> last_wave_;               // Keys.
-  std::shared_ptr<const VolumeCache> scattering_;      // Values of the solve, no gradients yet.
+  std::shared_ptr<const VolumeCache> scattering_;      // What the solve found.
   Counters counters_;
   int wave_ = 0;
   std::atomic<bool> stopped_ = false;
@@ -248,33 +249,22 @@ bool DeepBake::add_gradients(Records& surface, const std::vector<RgbD>& before) 
   return !stopped_;
 }
 
-bool DeepBake::add_gradients(VolumeRecords& volume, const Records& surface) {
-  const IrradianceCache reflected(surface, origin_, {}, scattering_);
-  HitLight light = deep_light(reflected, world_, finest_, request_.threads);
-  light.reflect = settings_.bounces > 0;
-  std::vector<std::unique_ptr<VolumeGatherer>> gatherers(
-      static_cast<std::size_t>(resolve_thread_count(request_.threads)));
-  std::vector<Counters> counters(gatherers.size());
-  parallel_for_slots(request_.threads, volume.size(), 1, [&](std::size_t i, int slot) {
-    if (is_stopped()) return;
-    auto& gatherer = gatherers[static_cast<std::size_t>(slot)];
-    if (!gatherer)
-      gatherer = std::make_unique<VolumeGatherer>(lighting_, effects_, settings_.gather, volume.order);
-    VolumeRecord& r = volume.records[i];
-    const VolumeGatherResult g =
-        gatherer->gather(vector(r.position) + origin_, random_key(settings_.seed, r.key), light,
-                         counters[static_cast<std::size_t>(slot)]);
+void DeepBake::store(const LightTransport& transport, const DeepLight& light,
+                     VolumeRecords& volume) const {
+  // Of it, what comes straight from surfaces.
+  const std::vector<RgbD> reflected = transport.reflect(light).volume;
+  const std::size_t stride = volume.stride();
+  for (std::size_t i = 0; i < volume.size(); ++i) {
     const std::span<VolumeMoment> moments = volume.moments_of(i);
-    for (std::size_t k = 0; k < moments.size(); ++k)
+    for (std::size_t k = 0; k < stride; ++k)
       for (int c = 0; c < 3; ++c)
-        for (int a = 0; a < 3; ++a)
-          moments[k].gradient[3 * c + a] = static_cast<float>(g.gradients[k][c][a]);
-    r.error = static_cast<float>(g.error);
-    const double all = luminance(g.fluence_surface + g.fluence_media);
-    r.media_share = all > 0 ? static_cast<float>(luminance(g.fluence_media) / all) : 0;
-  });
-  for (const Counters& c : counters) counters_ += c;
-  return !stopped_;
+        moments[k].value[c] = static_cast<float>(light.volume[i * stride + k][c]);
+    const double all = luminance(light.volume[i * stride]);
+    const double from_surfaces =
+        settings_.bounces > 0 ? luminance(reflected[i * stride] + medium_.rows()[i].reflected[0]) : 0;
+    volume.records[i].media_share =
+        all > 0 ? static_cast<float>(std::clamp(1 - from_surfaces / all, 0.0, 1.0)) : 0;
+  }
 }
 
 std::optional<DeepRecords> DeepBake::bake() {
@@ -310,12 +300,9 @@ std::optional<DeepRecords> DeepBake::bake() {
   report(0.7);
 
   deep.surface = with_light(solution.light.surface);
-  for (std::size_t i = 0; i < solution.light.volume.size(); ++i)
-    for (int c = 0; c < 3; ++c)
-      deep.volume.moments[i].value[c] = static_cast<float>(solution.light.volume[i][c]);
+  store(transport, solution.light, deep.volume);
   scattering_ = std::make_shared<VolumeCache>(deep.volume, origin_);
   if (!add_gradients(deep.surface, solution.before)) return std::nullopt;
-  if (!add_gradients(deep.volume, deep.surface)) return std::nullopt;
   deep.counters = maker_.counters();
   deep.counters += medium_.counters();
   deep.counters += counters_;

@@ -33,6 +33,7 @@ class VolumePlacement {
   // In VolumeRecordOrder.
   const VolumeRecords& records() const { return records_; }
   std::vector<DeepRow>& rows() { return rows_; }
+  const std::vector<DeepRow>& rows() const { return rows_; }
   const Counters& counters() const { return counters_; }
 
  private:

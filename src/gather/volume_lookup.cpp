@@ -91,11 +91,14 @@ void VolumeLookup::find(const Vec3d& p, std::uint32_t but, std::vector<VolumePar
   offsets.clear();
   VolumeQuery query{kDeepVolumeLayer, p, 0};
   for (int doubling = 0; doubling <= kMostDoublings && parts.empty(); ++doubling) {
-    for (const auto& [record, weight] : cache_.explain(query)) {
+    const auto near = cache_.explain(query);
+    for (const auto& [record, weight] : near) {
       if (record == but || parts.size() == kMostParts || !is_visible(p, record)) continue;
       parts.push_back({record, static_cast<float>(weight)});
       offsets.push_back(vector(cache_.all().records[record].position) + cache_.origin() - p);
     }
+    // Surrounded by records that surfaces hide, as inside a solid.
+    if (near.size() >= kMostParts) break;
     query.min_radius = 2 * std::max(query.min_radius, least_radius_);
   }
   if (parts.empty()) return;

@@ -21,7 +21,8 @@ class VolumeLookup {
 
   const VolumeCache& cache() const { return cache_; }
   // Records that cover p and see it, in record order; weights sum to 1. Where there is none, radii
-  // are doubled, up to kMostDoublings times; empty where still none is found.
+  // are doubled, up to kMostDoublings times or until kMostParts records are in reach; empty where
+  // still none is found.
   void find(const Vec3d& p, std::vector<VolumePart>& parts) const;
   // The same at a record, without it.
   void find_others(std::uint32_t record, std::vector<VolumePart>& parts) const;
