@@ -7,8 +7,9 @@
 namespace brume {
 namespace {
 
-// What left-out orders may add to any record, and of it, what scatterings may.
-constexpr double kLargestRest = 1e-3, kScatteringPart = 0.25;
+// What left-out orders may add to any record, and the part of it that left-out scatterings may
+// in one bounce. Those of a dozen bounces together stay within half of it.
+constexpr double kLargestRest = 1e-3, kScatteringPart = 0.05;
 
 using Light = std::vector<RgbD>;
 
@@ -87,7 +88,7 @@ DeepSolution solve_deep_light(const LightTransport& transport,
     add(change.surface, light.surface);
     if (!(ratio < 1) || order == last) continue;
     const double bound = ratio / (1 - ratio) * ratio_of(change, light);
-    if (bound >= kLargestRest * (1 - kScatteringPart)) continue;
+    if (bound + scattering.bound() >= kLargestRest) continue;
     solution.truncation_bound = bound;
     break;
   }

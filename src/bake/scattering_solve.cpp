@@ -44,25 +44,28 @@ DeepLight ScatteringSolve::applied(const Light& light) {
 std::vector<RgbD> ScatteringSolve::sum(Light source, Light& surface) {
   if (source.empty() || limit_ <= 0) return Light(source.size());
   const std::size_t stride = transport_.moment_count();
+  if (all_.empty()) all_.resize(source.size());
   const Light surface_before = surface;
   Light sum = source, term = source;
   for (int order = 1;; ++order) {
     DeepLight next = applied(term);
     add_times(next.surface, 1, surface);
     orders_ = std::max(orders_, order);
-    if (order == limit_) return sum;
+    if (order == limit_) {
+      finish(sum, 0);
+      return sum;
+    }
     double ratio = 0, part = 0;
     for (std::size_t i = 0; i < sum.size(); i += stride)
       for (int c = 0; c < 3; ++c) {
         if (!(next.volume[i][c] > 0)) continue;
         ratio = std::max(ratio, term[i][c] > 0 ? next.volume[i][c] / term[i][c] : kInfinity);
-        part = std::max(part, next.volume[i][c] / (sum[i][c] + next.volume[i][c]));
+        part = std::max(part, next.volume[i][c] / (all_[i][c] + sum[i][c] + next.volume[i][c]));
       }
-    if (ratio < 1 && part / (1 - ratio) < tolerance_) {
-      bound_ = std::max(bound_, part / (1 - ratio));
+    if (part == 0 || (ratio < 1 && part / (1 - ratio) < tolerance_)) {
+      finish(sum, part > 0 ? part / (1 - ratio) : 0);
       return sum;
     }
-    if (part == 0) return sum;
     if (order >= kPlainTerms && ratio > kSlowRatio && limit_ > 1000 * kPlainTerms) break;
     term = std::move(next.volume);
     add_times(term, 1, sum);
@@ -80,14 +83,20 @@ std::vector<RgbD> ScatteringSolve::sum(Light source, Light& surface) {
   Light residual = difference(source, difference(sum, applied(sum).volume));
   for (int cycle = 0; cycle < kMostCycles && bound_of(sum, residual) >= tolerance_; ++cycle)
     residual = improve(sum, std::move(residual), kSteps);
-  bound_ = std::max(bound_, bound_of(sum, residual));
+  const double bound = bound_of(sum, residual);
   // A residual may leave dark records a little below 0.
   for (std::size_t i = 0; i < sum.size(); i += stride)
     for (int c = 0; c < 3; ++c) sum[i][c] = std::max(0.0, sum[i][c]);
   add_times(applied(sum).surface, 1, surface);
   last_source_ = std::move(source);
   last_sum_ = sum;
+  finish(sum, bound);
   return sum;
+}
+
+void ScatteringSolve::finish(const Light& sum, double bound) {
+  add_times(sum, 1, all_);
+  bound_ += bound;
 }
 
 // Arnoldi by modified Gram-Schmidt, least squares by Givens rotations; all channels and moments are one
@@ -167,7 +176,7 @@ void ScatteringSolve::find_majorant() {
 
 // A residual's radiance is at most (order + 1) times the root of its moments' squares over 4 pi, since
 // sum over k of Y_k^2 is (order + 1)^2.
-double ScatteringSolve::bound_of(const Light& light, const Light& residual) {
+double ScatteringSolve::bound_of(const Light& light, const Light& residual) const {
   const std::size_t stride = transport_.moment_count();
   const double harmonics = std::sqrt(double(stride));
   double most = 0;
@@ -177,12 +186,12 @@ double ScatteringSolve::bound_of(const Light& light, const Light& residual) {
       double squares = 0;
       for (std::size_t k = 0; k < stride; ++k) squares += residual[i + k][c] * residual[i + k][c];
       worst = std::max(worst, harmonics * std::sqrt(squares) / majorant_source_[i][c]);
-      mean += light[i][c];
+      mean += all_[i][c] + light[i][c];
     }
     mean *= double(stride) / double(light.size());
     if (!(mean > 0)) continue;
     for (std::size_t i = 0; i < light.size(); i += stride)
-      most = std::max(most, majorant_[i][c] * worst / std::max(light[i][c], kFloor * mean));
+      most = std::max(most, majorant_[i][c] * worst / std::max(all_[i][c] + light[i][c], kFloor * mean));
   }
   return most;
 }

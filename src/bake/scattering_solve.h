@@ -9,8 +9,9 @@ namespace brume {
 
 class ScatteringSolve {
  public:
-  // At most `limit` terms; fewer where the rest is bounded below `tolerance` of each record's fluence.
-  // `transport` must outlive it.
+  // At most `limit` terms; fewer where the rest is bounded below `tolerance` of each record's fluence,
+  // that of earlier sums included: what a late bounce leaves is small beside all before it. `transport`
+  // must outlive it.
   ScatteringSolve(const LightTransport& transport, int limit, double tolerance);
 
   // The sum for moments `source` of light that has just arrived; adds what all of it sends to surfaces
@@ -20,7 +21,7 @@ class ScatteringSolve {
 
   int orders() const { return orders_; }  // The most terms of any sum().
   bool is_accelerated() const { return is_accelerated_; }
-  // The largest rest that any sum() left, relative as DeepSolution says.
+  // All rests that sum() left together, relative as DeepSolution says.
   double bound() const { return bound_; }
 
  private:
@@ -29,7 +30,8 @@ class ScatteringSolve {
   DeepLight applied(const Light& light);
   // Steps of GMRES from `light`, whose residual is `residual`; returns the new one.
   Light improve(Light& light, Light residual, int steps);
-  double bound_of(const Light& light, const Light& residual);
+  double bound_of(const Light& light, const Light& residual) const;
+  void finish(const Light& sum, double bound);
   void find_majorant();
 
   const LightTransport& transport_;
@@ -38,6 +40,7 @@ class ScatteringSolve {
   int orders_ = 0;
   bool is_accelerated_ = false;
   double bound_ = 0;
+  Light all_;  // Of all sums so far.
   Light last_source_, last_sum_;  // Of the last accelerated sum: a start for the next.
   // w > 0 whose d = w - K w > 0 too: where x - K x = r, |x| is at most w max(|r| / d).
   Light majorant_, majorant_source_;
