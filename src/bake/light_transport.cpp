@@ -1,5 +1,7 @@
 #include "bake/light_transport.h"
 
+#include <algorithm>
+
 #include "core/parallel.h"
 #include "core/spherical_harmonics.h"
 #include "gather/incident_field.h"
@@ -18,21 +20,80 @@ LightTransport::LightTransport(const World& world, const IrradianceCache& deep,
                                std::vector<DeepRow>& volume_rows, double min_radius, int threads)
     : order_(deep.volume()->order()),
       moments_(harmonic_count(deep.volume()->order())),
-      surface_rows_(surface_rows.size()),
-      volume_rows_(volume_rows.size()),
+      surface_count_(surface_rows.size()),
+      volume_count_(volume_rows.size()),
       threads_(threads) {
   for (const Volume& v : world.medium().volumes()) anisotropies_.push_back(v.phase.g());
   const VolumeLookup medium(world, *deep.volume());
-  const auto link = [&](std::vector<DeepRow>& from, std::vector<Row>& to, const auto& position) {
-    parallel_for(threads, from.size(), 16, [&](std::size_t i) {
-      to[i] = linked(position(i) + deep.origin(), std::move(from[i].strata), deep, medium,
-                     min_radius);
+  std::vector<Sums> surface_sums(static_cast<std::size_t>(resolve_thread_count(threads)));
+  std::vector<Sums> volume_sums(surface_sums.size());
+  for (std::size_t t = 0; t < surface_sums.size(); ++t) {
+    surface_sums[t].of.resize(surface_count_);
+    volume_sums[t].of.resize(volume_count_);
+  }
+  const auto link = [&](std::vector<DeepRow>& from, std::vector<Row>& to, std::vector<EvenRow>& even,
+                        const auto& position) {
+    for (const DeepRow& row : from) stratum_count_ += row.strata.strata.size();
+    if (order_ > 0)
+      to.resize(from.size());
+    else
+      even.resize(from.size());
+    parallel_for_slots(threads, from.size(), 16, [&](std::size_t i, int slot) {
+      Row row = linked(position(i) + deep.origin(), std::move(from[i].strata), deep, medium,
+                       min_radius);
       from[i].strata = {};
+      if (order_ > 0)
+        to[i] = std::move(row);
+      else
+        even[i] = summed(row, surface_sums[static_cast<std::size_t>(slot)],
+                         volume_sums[static_cast<std::size_t>(slot)]);
     });
   };
-  link(surface_rows, surface_rows_, [&](std::size_t i) { return vector(deep.records()[i].position); });
-  link(volume_rows, volume_rows_,
+  link(surface_rows, surface_rows_, even_surface_rows_,
+       [&](std::size_t i) { return vector(deep.records()[i].position); });
+  link(volume_rows, volume_rows_, even_volume_rows_,
        [&](std::size_t i) { return vector(deep.volume()->all().records[i].position); });
+}
+
+void LightTransport::Sums::add(std::uint32_t record, const RgbD& weight) {
+  if (is_black(of[record])) touched.push_back(record);
+  of[record] += weight;
+}
+
+std::vector<LightTransport::Weight> LightTransport::Sums::take() {
+  std::sort(touched.begin(), touched.end());
+  touched.erase(std::unique(touched.begin(), touched.end()), touched.end());
+  std::vector<Weight> row;
+  row.reserve(touched.size());
+  for (const std::uint32_t record : touched) {
+    const RgbD& w = of[record];
+    row.push_back({record, {static_cast<float>(w.r), static_cast<float>(w.g), static_cast<float>(w.b)}});
+    of[record] = RgbD();
+  }
+  touched.clear();
+  return row;
+}
+
+LightTransport::EvenRow LightTransport::summed(const Row& row, Sums& surface, Sums& volume) const {
+  std::size_t t = 0, p = 0;
+  for (const Link& link : row.links) {
+    const RgbD reflectance = rgb(link.reflectance) * double(link.measure);
+    for (; t < link.terms_end; ++t)
+      surface.add(row.terms[t].record, reflectance * double(row.terms[t].weight));
+    for (; p < link.points_end; ++p) {
+      const RgbD scattered =
+          rgb(row.points[p].weight) * (double(link.measure) * 0.25 * kInvPi);
+      for (; t < row.points[p].terms_end; ++t)
+        volume.add(row.terms[t].record, scattered * double(row.terms[t].weight));
+    }
+  }
+  return {surface.take(), volume.take()};
+}
+
+RgbD LightTransport::shade(const std::vector<Weight>& row, const std::vector<RgbD>& light) {
+  RgbD sum;
+  for (const Weight& w : row) sum += light[w.record] * rgb(w.rgb);
+  return sum;
 }
 
 LightTransport::Row LightTransport::linked(const Vec3d& receiver, Strata strata,
@@ -82,8 +143,6 @@ void LightTransport::shade(const Row& row, const std::vector<RgbD>* surface,
                            const std::vector<RgbD>* volume, const Add& add) const {
   std::size_t t = 0, p = 0;
   Harmonics y{}, weights{};
-  y[0] = 1;
-  weights[0] = 0.25 * kInvPi;
   for (const Link& link : row.links) {
     RgbD radiance;
     if (surface) {
@@ -93,11 +152,11 @@ void LightTransport::shade(const Row& row, const std::vector<RgbD>* surface,
       radiance = irradiance * rgb(link.reflectance);
     }
     t = link.terms_end;
-    if (order_ > 0) evaluate_harmonics(order_, vector(link.direction), y);
+    evaluate_harmonics(order_, vector(link.direction), y);
     for (; p < link.points_end; ++p) {
       const Point& point = row.points[p];
       if (volume) {
-        if (order_ > 0) phase_weights(anisotropies_[point.volume], order_, y, weights);
+        phase_weights(anisotropies_[point.volume], order_, y, weights);
         RgbD scattered;
         for (; t < point.terms_end; ++t) {
           const RgbD* moments = &(*volume)[row.terms[t].record * moments_];
@@ -117,8 +176,21 @@ DeepLight LightTransport::apply(const std::vector<RgbD>* surface,
                                 const std::vector<RgbD>* volume) const {
   ++applications_;
   DeepLight next;
-  next.surface.resize(surface_rows_.size());
-  next.volume.resize(volume_rows_.size() * moments_);
+  next.surface.resize(surface_count_);
+  next.volume.resize(volume_count_ * moments_);
+  if (order_ == 0) {
+    const auto all = [&](const std::vector<EvenRow>& rows, std::vector<RgbD>& to) {
+      parallel_for(threads_, rows.size(), 64, [&](std::size_t i) {
+        RgbD sum;
+        if (surface) sum += shade(rows[i].surface, *surface);
+        if (volume) sum += shade(rows[i].volume, *volume);
+        to[i] = sum;
+      });
+    };
+    all(even_surface_rows_, next.surface);
+    all(even_volume_rows_, next.volume);
+    return next;
+  }
   parallel_for(threads_, surface_rows_.size(), 64, [&](std::size_t i) {
     RgbD sum;
     shade(surface_rows_[i], surface, volume,
@@ -133,13 +205,6 @@ DeepLight LightTransport::apply(const std::vector<RgbD>* surface,
           });
   });
   return next;
-}
-
-std::size_t LightTransport::stratum_count() const {
-  std::size_t count = 0;
-  for (const std::vector<Row>* rows : {&surface_rows_, &volume_rows_})
-    for (const Row& row : *rows) count += row.links.size();
-  return count;
 }
 
 }  // namespace brume

@@ -43,10 +43,10 @@ class LightTransport {
   DeepLight reflect(const DeepLight& light) const { return apply(&light.surface, nullptr); }
   DeepLight scatter(const DeepLight& light) const { return apply(nullptr, &light.volume); }
 
-  std::size_t surface_count() const { return surface_rows_.size(); }
-  std::size_t volume_count() const { return volume_rows_.size(); }
+  std::size_t surface_count() const { return surface_count_; }
+  std::size_t volume_count() const { return volume_count_; }
   std::size_t moment_count() const { return moments_; }
-  std::size_t stratum_count() const;
+  std::size_t stratum_count() const { return stratum_count_; }
   // Of reflect() and scatter(), so far.
   int applications() const { return applications_; }
 
@@ -68,9 +68,27 @@ class LightTransport {
     std::vector<Point> points;
     std::vector<Term> terms;
   };
+  // Where all media scatter evenly, directions do not matter: a row is one weight for each record that
+  // any of its strata sees.
+  struct Weight {
+    std::uint32_t record;
+    float rgb[3];
+  };
+  struct EvenRow {
+    std::vector<Weight> surface, volume;
+  };
+  // Scratch memory of one thread.
+  struct Sums {
+    std::vector<RgbD> of;
+    std::vector<std::uint32_t> touched;
+    void add(std::uint32_t record, const RgbD& weight);
+    std::vector<Weight> take();
+  };
   Row linked(const Vec3d& receiver, Strata strata, const IrradianceCache& deep,
              const VolumeLookup& medium, double min_radius) const;
   DeepLight apply(const std::vector<RgbD>* surface, const std::vector<RgbD>* volume) const;
+  EvenRow summed(const Row& row, Sums& surface, Sums& volume) const;
+  static RgbD shade(const std::vector<Weight>& row, const std::vector<RgbD>& light);
   template <typename Add>
   void shade(const Row& row, const std::vector<RgbD>* surface, const std::vector<RgbD>* volume,
              const Add& add) const;
@@ -78,7 +96,9 @@ class LightTransport {
   std::vector<double> anisotropies_;  // By volume.
   int order_ = 0;
   std::size_t moments_ = 1;
-  std::vector<Row> surface_rows_, volume_rows_;
+  std::size_t surface_count_, volume_count_, stratum_count_ = 0;
+  std::vector<Row> surface_rows_, volume_rows_;           // Of order 1 and above.
+  std::vector<EvenRow> even_surface_rows_, even_volume_rows_;  // Of order 0.
   int threads_;
   mutable int applications_ = 0;
 };
