@@ -9,7 +9,10 @@ namespace {
 // Plain terms before convergence is called slow, and the ratio that is.
 constexpr int kPlainTerms = 12;
 constexpr double kSlowRatio = 0.6;
-constexpr int kSteps = 12, kMostCycles = 8, kMajorantSteps = 16;
+constexpr int kMostCycles = 8;
+// Of GMRES between restarts, within the memory of so many numbers: it needs as many as records stand
+// between a light and the far side of the medium.
+constexpr std::size_t kMostSteps = 40, kLeastSteps = 12, kMostNumbers = std::size_t(8) << 20;
 // Records darker than this part of the mean need no better than it, where sums are accelerated.
 constexpr double kFloor = 0.1;
 constexpr double kLeastMajorant = 0.25;
@@ -82,7 +85,7 @@ std::vector<RgbD> ScatteringSolve::sum(Light source, Light& surface) {
   }
   Light residual = difference(source, difference(sum, applied(sum).volume));
   for (int cycle = 0; cycle < kMostCycles && bound_of(sum, residual) >= tolerance_; ++cycle)
-    residual = improve(sum, std::move(residual), kSteps);
+    residual = improve(sum, std::move(residual));
   const double bound = bound_of(sum, residual);
   // A residual may leave dark records a little below 0.
   for (std::size_t i = 0; i < sum.size(); i += stride)
@@ -101,7 +104,9 @@ void ScatteringSolve::finish(const Light& sum, double bound) {
 
 // Arnoldi by modified Gram-Schmidt, least squares by Givens rotations; all channels and moments are one
 // vector.
-ScatteringSolve::Light ScatteringSolve::improve(Light& light, Light residual, int steps) {
+ScatteringSolve::Light ScatteringSolve::improve(Light& light, Light residual) {
+  const auto steps = static_cast<int>(
+      std::clamp(kMostNumbers / std::max<std::size_t>(1, light.size()), kLeastSteps, kMostSteps));
   const double size = std::sqrt(dot(residual, residual));
   if (!(size > 0)) return residual;
   for (RgbD& r : residual) r *= 1 / size;
@@ -162,7 +167,7 @@ void ScatteringSolve::find_majorant() {
   majorant_ = one;
   Light residual = applied(one).volume;  // 1 - (1 - K 1).
   for (int cycle = 0; cycle < kMostCycles; ++cycle) {
-    residual = improve(majorant_, std::move(residual), kMajorantSteps);
+    residual = improve(majorant_, std::move(residual));
     majorant_source_ = difference(one, residual);
     double least = kInfinity;
     for (std::size_t i = 0; i < one.size(); i += stride)

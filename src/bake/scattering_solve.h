@@ -28,8 +28,8 @@ class ScatteringSolve {
   using Light = std::vector<RgbD>;
 
   DeepLight applied(const Light& light);
-  // Steps of GMRES from `light`, whose residual is `residual`; returns the new one.
-  Light improve(Light& light, Light residual, int steps);
+  // Some steps of GMRES from `light`, whose residual is `residual`; returns the new one.
+  Light improve(Light& light, Light residual);
   double bound_of(const Light& light, const Light& residual) const;
   void finish(const Light& sum, double bound);
   void find_majorant();

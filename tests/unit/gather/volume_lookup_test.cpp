@@ -1,0 +1,95 @@
+// What lies between records of the medium, where the answer is known.
+#include "gather/volume_lookup.h"
+
+#include <gtest/gtest.h>
+
+#include "core/random.h"
+#include "support/scene_builder.h"
+
+namespace brume {
+namespace {
+
+double linear(const Vec3d& p) { return 9 + 0.5 * p.x - 0.3 * p.y + 0.8 * p.z; }
+
+void add(VolumeRecords& records, const Vec3d& p, double radius, double value, std::uint64_t key) {
+  VolumeRecord r{};
+  for (int a = 0; a < 3; ++a) {
+    r.position[a] = static_cast<float>(p[a]);
+    r.radius[a] = static_cast<float>(radius);
+  }
+  r.axes[0] = 1;
+  r.key = key;
+  VolumeMoment m{};
+  for (float& v : m.value) v = static_cast<float>(value);
+  records.push_back(r, {&m, 1});
+}
+
+// A jittered lattice of spacing 1 over [-3, 3]^3.
+VolumeRecords lattice() {
+  VolumeRecords records;
+  RandomStream random(random_key(4));
+  for (int i = 0; i < 343; ++i) {
+    const Vec2d u = random.uniform2();
+    const Vec3d p = Vec3d(i % 7 - 3, i / 7 % 7 - 3, i / 49 - 3) +
+                    (Vec3d(u.x, u.y, random.uniform()) - Vec3d(0.5)) * 0.6;
+    add(records, p, 1.6, linear(p), random.bits());
+  }
+  return records;
+}
+
+TEST(VolumeLookup, ReproducesWhatIsLinearWithPositiveWeights) {
+  const World world{Scene{}};
+  const VolumeCache cache(lattice(), Vec3d(0.0));
+  const VolumeLookup lookup(world, cache);
+  RandomStream random(random_key(5));
+  std::vector<VolumePart> parts;
+  for (int i = 0; i < 500; ++i) {
+    const Vec2d u = random.uniform2();
+    const Vec3d p = (Vec3d(u.x, u.y, random.uniform()) - Vec3d(0.5)) * 4;
+    float moments[3];
+    ASSERT_TRUE(lookup.moments(p, moments));
+    EXPECT_NEAR(moments[1], linear(p), 0.06) << p;
+    lookup.find(p, parts);
+    double sum = 0;
+    for (const VolumePart& part : parts) {
+      EXPECT_GT(part.weight, 0);
+      sum += part.weight;
+    }
+    EXPECT_NEAR(sum, 1, 1e-5);
+  }
+}
+
+TEST(VolumeLookup, FindsTheNearestWhereNoneCovers) {
+  const World world{Scene{}};
+  VolumeRecords records;
+  add(records, {0, 0, 0}, 0.1, 3, 1);
+  const VolumeCache cache(std::move(records), Vec3d(0.0));
+  const VolumeLookup lookup(world, cache);
+  EXPECT_FALSE(lookup.covers({5, 0, 0}));
+  float moments[3];
+  EXPECT_TRUE(lookup.moments({5, 0, 0}, moments));
+  EXPECT_EQ(moments[0], 3);
+  EXPECT_FALSE(lookup.moments({5000, 0, 0}, moments)) << "too far for it to say anything";
+  EXPECT_EQ(moments[0], 0);
+}
+
+TEST(VolumeLookup, NothingAnswersThroughASurface) {
+  Scene scene;
+  test::add_rectangle(scene, {0, -9, -9}, {0, 18, 0}, {0, 0, 18},
+                      test::add_material(scene, test::diffuse(0.5f)));
+  const World world(scene);
+  VolumeRecords records;
+  add(records, {-0.2, 0, 0}, 1, 5, 1);
+  add(records, {0.8, 0, 0}, 1, 1, 2);
+  const VolumeCache cache(std::move(records), Vec3d(0.0));
+  const VolumeLookup lookup(world, cache);
+  std::vector<VolumePart> parts;
+  for (const double x : {0.01, 0.2, 0.6}) {
+    lookup.find({x, 0, 0}, parts);
+    ASSERT_EQ(parts.size(), 1u) << x;
+    EXPECT_EQ(cache.all().records[parts[0].record].key, 2u) << x;
+  }
+}
+
+}  // namespace
+}  // namespace brume
