@@ -15,7 +15,7 @@ namespace {
 // depth to the medium's nearer edge or surface; in distance, a part of that to surfaces on either side
 // and, where they are close, of their mean distance in six directions; a part of that to the nearest
 // lamp. Chosen by furnaces and slabs (docs/decisions/0009).
-constexpr double kLeastDepth = 0.3, kPartOfDepth = 0.7;
+constexpr double kLeastDepth = 0.15, kPartOfDepth = 0.5;
 constexpr double kPartOfDistance = 0.7, kPartOfMeanDistance = 0.3;
 constexpr double kPartOfLampDistance = 0.7, kNearestLamp = 0.1;
 // Radii in lengths of a cell: each place lies in the supports of the cells around it.
