@@ -127,8 +127,9 @@ void add_convert_command(CLI::App& app, CommandContext& context) {
                      "What to write, whatever the file's ending");
   const auto of_points = [](CLI::Option* option) { option->group("PLY and OpenVDB"); };
   of_points(add_integer(*verb, "--layer", options->layer, 0, 255,
-                        "Records of this bounce (default: those that eye rays ask)"));
-  of_points(verb->add_flag("--all-layers", options->all_layers, "Records of every bounce"));
+                        "Records of this layer: 0 deep, that gathers ask; 1 top, that eye rays "
+                        "ask (default)"));
+  of_points(verb->add_flag("--all-layers", options->all_layers, "Records of both layers"));
   of_points(add_number(*verb, "--white", options->white, 1e-30, 1e30,
                        "PLY: radiance of white paper that is shown as white (default: such that "
                        "the mean is middle grey)"));

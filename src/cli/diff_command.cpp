@@ -133,7 +133,7 @@ void add_diff_command(CLI::App& app, CommandContext& context) {
       ->type_name("N")
       ->check(CLI::Range(1, 65536));
   verb->footer(
-      R"(Of caches, records are the same one where bounce and key agree: only_a, only_b, equal and different count
+      R"(Of caches, records are the same one where layer and key agree: only_a, only_b, equal and different count
 them, mae to max tell of irradiance where both have it, gradient_rmse and radius_rmse of the rest; answers_*
 compare what A answers with the records of B, whatever their keys. All but the counts are relative to B's mean.
 

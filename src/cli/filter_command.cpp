@@ -128,7 +128,7 @@ int filter(const FilterOptions& options, const CommandContext& context) {
   }
   if (filtered.lacks_deeper_layers)
     context.warn(output +
-                 ": without all of the deeper bounces no bake can go on from it: it has another "
+                 ": without all of the deep records no bake can go on from it: it has another "
                  "fingerprint, for inspect, diff and convert alone");
   return 0;
 }
@@ -139,8 +139,9 @@ void add_criteria(CLI::App& verb, FilterOptions& options) {
   criterion(add_parsed(verb, "--box", "X0,Y0,Z0,X1,Y1,Z1", filter.box, parse_box,
                        "Between these corners, in scene units"));
   criterion(add_parsed(verb, "--layer", "A[:B]", filter.layers, parse_integers,
-                       "Of these bounces, and none of others (default: the criteria choose among "
-                       "the records that eye rays ask, and deeper bounces stay whole)"));
+                       "Of these layers (0: deep records, that gathers ask; 1: top records, that eye "
+                       "rays ask) and none of others (default: the criteria choose among top "
+                       "records, and deep ones stay whole)"));
   criterion(add_parsed(verb, "--wave", "A[:B]", filter.waves, parse_integers, "Of these waves"));
   criterion(add_parsed(verb, "--radius", "A[:B]", filter.radius, parse_numbers,
                        "With a radius in this range, in scene units; an end may be left out"));
@@ -166,7 +167,7 @@ void add_filter_command(CLI::App& app, CommandContext& context) {
   add_path(*verb, "-o,--output", options->output, "D.irc", "Cache file to write")->required();
   add_criteria(*verb, *options);
   add_number(*verb, "--thin", options->spacing, 1e-9, 1e9,
-             "Then drops records closer than this to one kept before, on one side and bounce, in "
+             "Then drops records closer than this to one kept before, on one side and layer, in "
              "scene units; coarse waves stay");
   verb->add_flag("--salvage", options->is_salvage,
                  "Takes what is left of a damaged or unfinished cache, without bad records");

@@ -70,8 +70,9 @@ void add_cache_options(CLI::App& verb, CommandContext& context, InspectOptions& 
                        "Lists the records that answer at this point, with their weights"));
   of_caches(add_parsed(verb, "--normal", "X,Y,Z", options.cache.normal, vector,
                        "With --at: the side that receives (default: that of the nearest record)"));
-  of_caches(add_integer(verb, "--layer", options.cache.layer, 0, kMaxBounces,
-                        "With --at: which bounce (default: the one that eye rays ask)"));
+  of_caches(add_integer(verb, "--layer", options.cache.layer, 0, kTopLayer,
+                        "With --at: which layer: 0 deep records, 1 top ones (default: the "
+                        "highest there is)"));
   of_caches(add_number(verb, "--min-radius", options.min_radius, 0, 1e9,
                        "With --at: records act as if at least this wide, in scene units"));
   of_caches(verb.add_flag("--deep", options.cache.deep,
