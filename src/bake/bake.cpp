@@ -146,13 +146,7 @@ bool Baker::covers(const IrradianceCache& cache, const Candidate& c) const {
 }
 
 void Baker::gather(double offset, SurfaceRecord& r, int slot) {
-  if (const SurfaceRecord* known =
-          request_.journal ? request_.journal->find(r.layer(), r.key) : nullptr) {
-    const std::uint32_t flags = r.flags;
-    r = *known;
-    r.flags = flags;
-    return;
-  }
+  if (recall(request_.journal, r)) return;
   maker_.gather(offset, below_, r, slot);
   if (request_.journal) request_.journal->add(r);
 }

@@ -16,10 +16,11 @@ namespace {
 
 // Half the cells each way, twice the spacing, and no small radii.
 constexpr int kCellsDivisor = 2;
+constexpr double kErrorFactor = 2, kMinRadiusFactor = 8;
+// Of a stratum, that stand for the medium along it.
 constexpr int kMediumPoints = 4;
 // In a journal, deep records as their second gathers found them.
 constexpr int kSolvedLayer = 2;
-constexpr double kErrorFactor = 2, kMinRadiusFactor = 8;
 
 Vec3d vector(const float* v) { return {v[0], v[1], v[2]}; }
 
@@ -99,13 +100,8 @@ class DeepBake {
 
 bool DeepBake::find_first(SurfaceRecord& record, DeepRow& row) const {
   if (!request_.journal) return false;
-  const SurfaceRecord* known = request_.journal->find(kDeepLayer, record.key);
-  if (!known) return false;
   std::optional<DeepRow> found = row_of(request_.journal->find_row(record.key));
-  if (!found || found->unreflected.size() != 1) return false;
-  const std::uint32_t flags = record.flags;
-  record = *known;
-  record.flags = flags;
+  if (!found || found->unreflected.size() != 1 || !recall(request_.journal, record)) return false;
   row = std::move(*found);
   return true;
 }
@@ -223,18 +219,14 @@ bool DeepBake::add_gradients(Records& surface, const std::vector<RgbD>& before) 
   const IrradianceCache reflected(with_light(before), origin_, {}, scattering_);
   HitLight light = deep_light(reflected, world_, finest_, request_.threads);
   light.reflect = settings_.bounces > 1;
-  if (!light.reflect) light.cache = nullptr;
+  if (!light.reflect) light.cache = nullptr;  // `before` is all dark then.
   RecordMaker maker(lighting_, effects_, settings_, origin_, request_.threads);
   std::atomic<std::size_t> done = 0;
   parallel_for_slots(request_.threads, surface.size(), 1, [&](std::size_t i, int slot) {
     if (is_stopped()) return;
     SurfaceRecord again = surface[i];
     again.flags = record_flags(kSolvedLayer, again.wave());
-    const SurfaceRecord* known =
-        request_.journal ? request_.journal->find(kSolvedLayer, again.key) : nullptr;
-    if (known) {
-      again = *known;
-    } else {
+    if (!recall(request_.journal, again)) {
       maker.gather(sources_.at(again.key).offset, light, again, slot);
       if (request_.journal) request_.journal->add(again);
     }
@@ -271,6 +263,7 @@ std::optional<DeepRecords> DeepBake::bake() {
   const auto stopped = [this] { return is_stopped(); };
   const bool has_surfaces = needs_deep_surfaces(world_, settings_, effects_);
   if (has_surfaces && !place_everywhere()) return std::nullopt;
+  report(0.6);
   if (effects_.multiple_scattering && !medium_.place(stopped)) return std::nullopt;
   if (has_surfaces && !place_at_uncovered_hits()) return std::nullopt;
 
@@ -287,16 +280,17 @@ std::optional<DeepRecords> DeepBake::bake() {
                                  request_.threads);
   const DeepSolution solution = solve_deep_light(transport, surface_rows, volume_rows,
                                                  settings_.bounces, settings_.volume_bounces);
-  deep.stats = {solution.orders,
-                solution.scatterings,
-                solution.is_accelerated,
-                transport.applications(),
-                solution.ratio,
-                solution.truncation_bound,
-                transport.surface_count(),
-                transport.volume_count(),
-                transport.stratum_count(),
-                std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count()};
+  deep.stats = {
+      .orders = solution.orders,
+      .scatterings = solution.scatterings,
+      .is_accelerated = solution.is_accelerated,
+      .applications = transport.applications(),
+      .ratio = solution.ratio,
+      .truncation_bound = solution.truncation_bound,
+      .surface_records = transport.surface_count(),
+      .volume_records = transport.volume_count(),
+      .strata = transport.stratum_count(),
+      .seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count()};
   report(0.7);
 
   deep.surface = with_light(solution.light.surface);

@@ -56,11 +56,6 @@ DeepSolution solve_deep_light(const LightTransport& transport,
     return std::max(largest_ratio(a.surface, b.surface, 1),
                     largest_ratio(a.volume, b.volume, stride));
   };
-  const auto finish = [&] {
-    solution.scatterings = scattering.orders();
-    solution.is_accelerated = scattering.is_accelerated();
-    solution.truncation_bound += scattering.bound();
-  };
 
   // What met no surface.
   DeepLight change;
@@ -92,7 +87,9 @@ DeepSolution solve_deep_light(const LightTransport& transport,
     solution.truncation_bound = bound;
     break;
   }
-  finish();
+  solution.scatterings = scattering.orders();
+  solution.is_accelerated = scattering.is_accelerated();
+  solution.truncation_bound += scattering.bound();
   return solution;
 }
 

@@ -20,6 +20,15 @@ Vec3d bake_origin(const World& world) {
   return origin;
 }
 
+bool recall(const CacheJournal* journal, SurfaceRecord& record) {
+  const SurfaceRecord* known = journal ? journal->find(record.layer(), record.key) : nullptr;
+  if (!known) return false;
+  const std::uint32_t flags = record.flags;
+  record = *known;
+  record.flags = flags;
+  return true;
+}
+
 RecordMaker::RecordMaker(const Lighting& lighting, const Effects& effects,
                          const BakeSettings& settings, const Vec3d& origin, int threads)
     : lighting_(lighting),

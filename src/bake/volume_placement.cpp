@@ -14,7 +14,7 @@ namespace {
 // How long a cell may be along an axis: in optical depth, the larger of a least one and a part of the
 // depth to the medium's nearer edge or surface; in distance, a part of that to surfaces on either side
 // and, where they are close, of their mean distance in six directions; a part of that to the nearest
-// lamp. Chosen by furnaces and slabs (docs/decisions/0009).
+// lamp. Chosen by furnaces and the smoky box (docs/decisions/0009).
 constexpr double kLeastDepth = 0.15, kPartOfDepth = 0.5;
 constexpr double kPartOfDistance = 0.7, kPartOfMeanDistance = 0.3;
 constexpr double kPartOfLampDistance = 0.7, kNearestLamp = 0.1;
@@ -40,8 +40,8 @@ double scattering_at(const Medium& medium, const Vec3d& p) {
   return sum;
 }
 
-// Where light may scatter that gathers or eyes see, and a little around it. A medium without end is
-// looked at as far as surfaces and lamps go, and some mean free paths.
+// Where light may scatter that gathers or eyes see. A medium without end is looked at as far as
+// surfaces and lamps go, and some mean free paths more.
 Box3d scattering_box(const World& world) {
   const Medium& medium = world.medium();
   if (!medium.is_unbounded()) return medium.bounds();
@@ -105,8 +105,8 @@ double VolumePlacement::mean_scattering(const Box3d& cell, Vec3d& at, bool& is_e
 
 // Light is brightest where the medium is dense, and scatters most there: a record for an uneven cell
 // lies at a place drawn by sigma_s, so that what the cell scatters comes out right in the mean however
-// small its lumps are. Where the medium is even, the middle is the best place there is, unless a surface hides
-// the medium from it.
+// small its lumps are. Where the medium is even, the middle is the best place there is, unless a surface
+// hides the medium from it.
 std::optional<VolumePlacement::Site> VolumePlacement::site_of(const Box3d& cell) const {
   Vec3d in_medium;
   bool is_even = false;
@@ -268,8 +268,8 @@ bool VolumePlacement::gather(const std::vector<Site>& sites, int wave,
   return true;
 }
 
-// The eighths of cells whose light is not what their neighbours say; their own records shrink to the
-// size of those.
+// The eighths of cells whose light is not what their neighbours say. A record keeps the eighth that it
+// lies in, and its size, so that cells still fill the medium and no place counts twice.
 std::vector<VolumePlacement::Site> VolumePlacement::cut_where_light_changes() {
   sort();
   const std::size_t count = records_.size();
@@ -291,18 +291,20 @@ std::vector<VolumePlacement::Site> VolumePlacement::cut_where_light_changes() {
     lookup.find_others(static_cast<std::uint32_t>(i), parts);
     if (parts.empty()) return;
     double there = 0, noise = 0;
+    const auto variance = [&](std::size_t record) {
+      return double(records_.records[record].error) * records_.records[record].error;
+    };
     for (const VolumePart& p : parts) {
       there += p.weight * light[p.record];
-      noise += p.weight * p.weight * records_.records[p.record].error * records_.records[p.record].error;
+      noise += p.weight * p.weight * variance(p.record);
     }
-    noise = std::sqrt(noise + double(records_.records[i].error) * records_.records[i].error);
-    const double change = std::abs(there - light[i]) - noise;
+    const double change = std::abs(there - light[i]) - std::sqrt(noise + variance(i));
     if (change > kChange * std::max(there, light[i])) error[i] = change * matters(i);
   });
   std::vector<std::size_t> cut;
   for (std::size_t i = 0; i < count; ++i)
     if (error[i] > kLeastMatter * all) cut.push_back(i);
-  const std::size_t room = (kMostRecords - std::min(kMostRecords, count)) / 8;
+  const std::size_t room = (kMostRecords - std::min(kMostRecords, count)) / 7;
   if (cut.size() > room) {
     std::stable_sort(cut.begin(), cut.end(),
                      [&](std::size_t a, std::size_t b) { return error[a] > error[b]; });
@@ -310,17 +312,22 @@ std::vector<VolumePlacement::Site> VolumePlacement::cut_where_light_changes() {
   }
   std::vector<Site> eighths;
   for (const std::size_t i : cut) {
-    const Box3d cell = sites_[i].cell;
-    const Vec3d half = (cell.max - cell.min) * 0.5;
+    Site& own = sites_[i];
+    const Box3d cell = own.cell;
+    const Vec3d half = (cell.max - cell.min) * 0.5, from_middle = own.position - (cell.min + half);
+    const int of_own = (from_middle.x >= 0) | (from_middle.y >= 0) << 1 | (from_middle.z >= 0) << 2;
     for (int k = 0; k < 8; ++k) {
       const Vec3d low = cell.min + Vec3d(half.x * (k & 1), half.y * (k >> 1 & 1), half.z * (k >> 2));
       const Box3d part(low, low + half);
-      if (const std::optional<Site> site = site_of(part)) eighths.push_back(*site);
+      const std::optional<Site> site = site_of(part);
+      if (k == of_own) {
+        own.cell = part;
+        own.scattering = site ? site->scattering : 0;
+      } else if (site) {
+        eighths.push_back(*site);
+      }
     }
     for (float& radius : records_.records[i].radius) radius /= 2;
-    // What it stands for now is the middle of the eighths.
-    sites_[i].cell = {cell.min + half * 0.5, cell.max - half * 0.5};
-    sites_[i].scattering /= 2;
   }
   return eighths;
 }

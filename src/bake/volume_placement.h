@@ -30,7 +30,7 @@ class VolumePlacement {
   // False where `is_stopped` says so first.
   bool place(const std::function<bool()>& is_stopped);
 
-  // In VolumeRecordOrder.
+  // In VolumeRecordOrder, their light not yet known.
   const VolumeRecords& records() const { return records_; }
   std::vector<DeepRow>& rows() { return rows_; }
   const std::vector<DeepRow>& rows() const { return rows_; }

@@ -14,11 +14,6 @@ Vec3d along_axes(const float* q, const Vec3d& p) {
   return p + t * double(q[0]) + v.cross(t);
 }
 
-double clamped(double value, double limit) {
-  if (!(value >= 0)) return 0;  // NaN too.
-  return value <= limit ? value : limit;
-}
-
 }  // namespace
 
 VolumeCache::VolumeCache(VolumeRecords records, const Vec3d& origin)
@@ -65,50 +60,6 @@ std::vector<std::pair<std::uint32_t, double>> VolumeCache::explain(const VolumeQ
   });
   std::sort(answers.begin(), answers.end());
   return answers;
-}
-
-bool VolumeCache::covers(const VolumeQuery& query, double max_error) const {
-  const RecordIndex* index = layer(query.layer);
-  if (!index) return false;
-  const Vec3d p = query.position - origin_;
-  bool is_covered = false;
-  index->visit(p, query.min_radius, [&](const RecordSite& site) {
-    is_covered = error_at(site, p, query.min_radius) < max_error;
-    return !is_covered;
-  });
-  return is_covered;
-}
-
-InterpolatedScatter VolumeCache::scatter(const VolumeQuery& query,
-                                         std::span<const double> weights) const {
-  InterpolatedScatter result;
-  const Vec3d p = query.position - origin_;
-  RgbD first, sum;
-  double of_all = 0;
-  for (const auto& [i, weight] : explain(query)) {
-    const Vec3d d = p - vector(all_.records[i].position);
-    const std::span<const VolumeMoment> moments = all_.moments_of(i);
-    RgbD here, there;
-    for (std::size_t k = 0; k < moments.size(); ++k)
-      for (int c = 0; c < 3; ++c) {
-        here[c] += weights[k] * moments[k].value[c];
-        there[c] += weights[k] * vector(moments[k].gradient + 3 * c).dot(d);
-      }
-    RgbD kept;
-    for (int c = 0; c < 3; ++c) {
-      kept[c] = clamped(here[c] + there[c], 2 * std::max(0.0, here[c]));
-      result.clamped |= kept[c] != here[c] + there[c];
-    }
-    // Mean = v0 + sum w (v - v0) / sum w: equal values come back as they are, bit for bit.
-    if (result.records++ == 0) first = kept;
-    sum += (kept - first) * weight;
-    of_all += weight;
-  }
-  if (result.records > 0)
-    for (int c = 0; c < 3; ++c)
-      result.value[c] =
-          clamped(first[c] + sum[c] / of_all, std::numeric_limits<double>::max());
-  return result;
 }
 
 }  // namespace brume

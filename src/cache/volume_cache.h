@@ -1,5 +1,5 @@
-// Scattered light between volume records: weights, extrapolation, and the index that finds who answers
-// (radiance caching in media [JDZJ08], with moments instead of a record for each direction).
+// Volume records and the index that finds those that cover a place (radiance caching in media [JDZJ08],
+// with moments instead of a record for each direction). Light between them: gather/volume_lookup.h.
 #pragma once
 
 #include <memory>
@@ -17,13 +17,6 @@ struct VolumeQuery {
   double min_radius = 0;  // Records act as if their radii were at least this.
 };
 
-// sum over moments of weight * moment, between records.
-struct InterpolatedScatter {
-  RgbD value;
-  int records = 0;       // How many answered; 0: the point is not covered.
-  bool clamped = false;  // An extrapolation had to be kept at or above 0 or below twice its record's value.
-};
-
 // Frozen: built once, then queried from any thread. Records with a record_fault() are kept and never
 // answer.
 class VolumeCache {
@@ -37,13 +30,8 @@ class VolumeCache {
   int order() const { return all_.order; }
   const Vec3d& origin() const { return origin_; }
 
-  // Weighted mean over records whose error, the distance in their radii, is below 1; weight 1 - error.
-  // `weights`: one for each moment, for example g^l Y_lm(w) / (4 pi). Never negative or non-finite.
-  // Sums run in record order.
-  InterpolatedScatter scatter(const VolumeQuery& query, std::span<const double> weights) const;
-  // Whether some record answers with error below `max_error` (at most 1).
-  bool covers(const VolumeQuery& query, double max_error = 1) const;
-  // Who answers and with which weight (1 - error), in record order.
+  // The records whose error at the query, the distance in their radii, is below 1, with 1 - error, in
+  // record order.
   std::vector<std::pair<std::uint32_t, double>> explain(const VolumeQuery& query) const;
 
  private:

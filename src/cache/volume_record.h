@@ -32,14 +32,13 @@ static_assert(sizeof(VolumeRecord) == 64 && std::is_trivially_copyable_v<VolumeR
 // One set for all orders of scattering, which gathers and eyes ask alike.
 inline constexpr int kDeepVolumeLayer = 0;
 
-// One moment, int L(w) Y(w) dw over the sphere (core/spherical_harmonics.h), and its gradient. L is
-// all incident radiance but that which comes straight from lights. The first is the fluence
-// [W/m^2].
+// One moment, int L(w) Y(w) dw over the sphere (core/spherical_harmonics.h). L is all incident radiance
+// but that which comes straight from lights. The first is the fluence [W/m^2]. There are no gradients:
+// the weights between records reproduce what is linear (gather/volume_lookup.h).
 struct VolumeMoment {
   float value[3];
-  float gradient[9];  // d/d(x,y,z), three numbers a channel [per world unit].
 };
-static_assert(sizeof(VolumeMoment) == 48);
+static_assert(sizeof(VolumeMoment) == 12);
 
 // Bytes of a record with moments up to `order`.
 inline constexpr std::size_t volume_record_bytes(int order) {

@@ -56,8 +56,7 @@ void Statistics::describe(const Lighting& lighting, const Effects& planned) {
 void Statistics::describe(const DeepStats& deep) {
   details["orders"] = deep.orders;
   details["truncation_bound"] = deep.truncation_bound;
-  details["solve"] = {{"reflections", deep.orders},
-                      {"scatterings", deep.scatterings},
+  details["solve"] = {{"scatterings", deep.scatterings},
                       {"accelerated", deep.is_accelerated},
                       {"applications", deep.applications},
                       {"ratio", deep.ratio},

@@ -137,7 +137,10 @@ bool IncidentField::find(const Vec3d& p, Place& place) const {
   return is_direct_[place.cell] == 0;
 }
 
-RgbD IncidentField::dot_signed(const Vec3d& p, std::span<const double> weights) const {
+RgbD IncidentField::dot_signed(const Vec3d& at, std::span<const double> weights) const {
+  Vec3d p = at;
+  if (size_[0] > 0)
+    for (int a = 0; a < 3; ++a) p[a] = std::clamp(p[a], box_.min[a], box_.max[a]);
   const auto times = [&](const float* m) {
     RgbD sum;
     for (std::size_t k = 0; k < weights.size(); ++k)

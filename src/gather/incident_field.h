@@ -2,10 +2,12 @@
 // radiance (core/spherical_harmonics.h) between volume records.
 //
 // A gather asks tens of thousands of times, so moments are looked up once at the nodes of a regular
-// grid and are linear between them. Cells that a surface passes through, and places off the grid, ask
-// the records themselves: nothing is interpolated through a surface.
+// grid and are linear between them. Cells that a surface passes through ask the records themselves:
+// nothing is interpolated through a surface. Places off the grid, where a medium goes on beyond all
+// surfaces, take the light of its nearest face.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -24,8 +26,6 @@ class IncidentField {
   IncidentField(const World& world, const VolumeCache& cache, int threads);
 
   int order() const { return order_; }
-  std::size_t node_count() const { return moments_.size() / stride(); }
-  std::size_t memory_bytes() const { return moments_.size() * sizeof(float) + is_direct_.size(); }
 
   // sum of weights[k] * moment k at p, and the same of a phase function's weights, which is never
   // negative however few moments there are.

@@ -7,8 +7,7 @@ namespace brume {
 
 struct VolumeGatherer::Impl {
   Impl(const Lighting& l, const Effects& effects, const GatherOptions& options, int o)
-      : world(l.world()),
-        mode(options.gradient),
+      : mode(options.gradient),
         order(o),
         around(l, effects, options, DirectionDomain::Sphere) {}
 
@@ -29,7 +28,6 @@ struct VolumeGatherer::Impl {
     return y;
   }
 
-  const World& world;
   GradientMode mode;
   int order;
   CellGather around;
@@ -47,12 +45,11 @@ VolumeGatherResult VolumeGatherer::Impl::gather(const Vec3d& position, std::uint
   VolumeGatherResult result;
   result.moments.assign(count(), RgbD());
   result.reflected.assign(count(), RgbD());
-  const double mean_free_path = 1 / max_component(world.medium().sigma_t_at(position));
-  double inverse_distance = 0, all = 0, spread = 0, inverse_surfaces = 0;
+  double spread = 0;
   for (int c = 0; c < cells.count(); ++c) {
     const CellLight& seen = around.light(c);
     const RgbD total = seen.total();
-    const double g = cells.cell(c).measure, brightness = luminance(total);
+    const double g = cells.cell(c).measure;
     const Harmonics y = harmonics(around.direction(c));
     const RgbD reflected = seen.surface - seen.emitted;
     for (std::size_t k = 0; k < count(); ++k) {
@@ -62,22 +59,13 @@ VolumeGatherResult VolumeGatherer::Impl::gather(const Vec3d& position, std::uint
     result.fluence_surface += seen.surface * g;
     result.fluence_media += seen.media * g;
     result.nearest = std::min(result.nearest, around.hit_distance(c));
-    inverse_surfaces += g / around.hit_distance(c);
-    // Media are smooth within a mean free path, surfaces are what they are.
-    inverse_distance +=
-        g * (luminance(seen.surface) / around.hit_distance(c) +
-             std::min(seen.over_distance - luminance(seen.surface) / around.hit_distance(c),
-                      luminance(seen.media) / mean_free_path));
-    all += g * brightness;
   }
   for (const CellWall& wall : cells.walls()) {
     const double d = luminance(around.light(wall.low).total() - around.light(wall.high).total()) *
                      0.5 * (cells.cell(wall.low).measure + cells.cell(wall.high).measure);
     spread += d * d / 2;
   }
-  if (inverse_surfaces > 0) result.surface_distance = 4 * kPi / inverse_surfaces;
   result.error = std::sqrt(spread * cells.count() / double(cells.walls().size()));
-  result.scale = inverse_distance > 0 ? all / inverse_distance : kInfinity;
   if (mode == GradientMode::Full) add_full_terms(counters);
   result.gradients = gradients(mode, counters);
   return result;

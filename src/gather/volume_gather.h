@@ -18,10 +18,7 @@ struct VolumeGatherResult {
   std::vector<RgbGradient> gradients;
   RgbD fluence_surface, fluence_media;
   double error = 0;           // Estimated standard error of the fluence's luminance.
-  double scale = kInfinity;   // Harmonic mean distance of what sends light, split-sphere [JDZJ08];
-                              // what is nearer than a mean free path counts as so far.
   double nearest = kInfinity; // Of the surfaces seen.
-  double surface_distance = kInfinity;  // Of them, in the harmonic mean over all directions.
 };
 
 // Scratch memory of one thread. The World and Lighting must outlive it.

@@ -53,7 +53,6 @@ Counters& Counters::operator+=(const Counters& o) {
   cache_queries += o.cache_queries;
   cache_clamps += o.cache_clamps;
   cache_misses += o.cache_misses;
-  volume_queries += o.volume_queries;
   return *this;
 }
 

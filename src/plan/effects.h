@@ -44,7 +44,6 @@ struct Counters {
   std::uint64_t volume_gathers = 0;     // and of the medium.
   std::uint64_t fallback_gathers = 0;   // Computed while rendering, where no record answered.
   std::uint64_t cache_queries = 0, cache_clamps = 0, cache_misses = 0;
-  std::uint64_t volume_queries = 0;  // Of volume records.
 
   Counters& operator+=(const Counters& o);
 };

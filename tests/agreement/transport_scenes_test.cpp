@@ -3,14 +3,13 @@
 #include "data_gen/transport_scenes.h"
 
 #include <gtest/gtest.h>
-#include <stdlib.h>
 
 #include <filesystem>
-#include <stdexcept>
 #include <string>
 
 #include "scene/scene_file.h"
 #include "support/plane_slab.h"
+#include "support/scratch_folder.h"
 #include "support/sensor.h"
 
 namespace brume {
@@ -26,23 +25,6 @@ using test::SlabFluxes;
 constexpr double kMostError = 0.0033, kClose = 0.01;
 // What a slab's width may take, and the roundness of single precision.
 constexpr double kFinite = 0.001;
-
-class Folder {
- public:
-  Folder() {
-    std::string name = (std::filesystem::temp_directory_path() / "brume_transport_XXXXXX").string();
-    if (mkdtemp(name.data()) == nullptr) throw std::runtime_error("cannot make " + name);
-    path_ = name;
-  }
-  ~Folder() {
-    std::error_code ignored;  // A destructor has nobody to tell.
-    std::filesystem::remove_all(path_, ignored);
-  }
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
 
 struct Stage {
   explicit Stage(const std::filesystem::path& file) : scene(load_scene(file, {})), world(scene) {}
@@ -74,7 +56,7 @@ class PathTracedSlab : public testing::TestWithParam<SlabCase> {
   PlaneSlab slab() const { return {GetParam().optical_depth, GetParam().albedo, GetParam().g}; }
 
  private:
-  Folder folder_;
+  ScratchFolder folder_;
 };
 
 void expect_light(const Measured& measured, double expected) {
@@ -115,7 +97,7 @@ INSTANTIATE_TEST_SUITE_P(Media, PathTracedSlab,
 class PathTracedFurnace : public testing::TestWithParam<FurnaceOptions> {};
 
 TEST_P(PathTracedFurnace, IsWhite) {
-  const Folder folder;
+  const ScratchFolder folder;
   const Stage stage(write_furnace(folder.path(), GetParam()).front());
   for (const char* camera : {"", "inside"})
     expect_near(stage.see(camera, 256).beauty(), RgbD(1.0), 1e-5, kMostError);
