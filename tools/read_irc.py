@@ -13,6 +13,8 @@ import signal
 import struct
 import sys
 
+KIND_NAMES = {1: "surface", 2: "volume"}
+RECORD_KINDS = tuple(KIND_NAMES)
 MASK = (1 << 64) - 1
 P32_1, P32_2, P32_3 = 0x9E3779B1, 0x85EBCA77, 0xC2B2AE3D
 P64_1, P64_2, P64_3 = 0x9E3779B185EBCA87, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9
@@ -189,7 +191,7 @@ def records_of(data, at, block, header):
     size = header["record_bytes"][block["kind"] - 1]
     fields = [f for f in header["schema"] if f["kind"] == block["kind"]]
     for i in range(block["count"]):
-        record = {"layer": block["layer"], "wave": block["wave"]}
+        record = {"kind": KIND_NAMES[block["kind"]], "layer": block["layer"], "wave": block["wave"]}
         for f in fields:
             values = struct.unpack_from("<%d%s" % (f["count"], codes[f["type"]]), data,
                                         at + i * size + f["offset"])
@@ -213,6 +215,13 @@ def check_order(data, blocks, starts):
               "the order of layer %d is none of its records" % layer)
 
 
+def read_solve(data, blocks, starts):
+    """What kind 4 holds under key 0: how the light of deep records was solved for."""
+    note = b"".join(data[at:at + 64 * block["count"]] for block, at in zip(blocks, starts)
+                    if block["kind"] == 4 and block["first_key"] == 0)
+    return json.loads(note.split(b"\0")[0]) if note else None
+
+
 def main():
     parser = argparse.ArgumentParser(description="Reads a brume irradiance cache.")
     parser.add_argument("file")
@@ -227,13 +236,15 @@ def main():
         for block, at in read_blocks(data, header):
             blocks.append(block)
             starts.append(at)
-            if options.records and block["kind"] != 3:
+            if options.records and block["kind"] in RECORD_KINDS:
                 for record in records_of(data, at, block, header):
                     print(json.dumps(record))
         check_order(data, blocks, starts)
         if not options.records:
             print(json.dumps({**header, "blocks": blocks,
-                              "record_count": sum(b["count"] for b in blocks if b["kind"] != 3)}, indent=1))
+                              "record_count": sum(b["count"] for b in blocks
+                                                  if b["kind"] in RECORD_KINDS),
+                              "solve": read_solve(data, blocks, starts)}, indent=1))
     except Damaged as reason:
         print("error: %s: %s" % (options.file, reason), file=sys.stderr)
         return 3

@@ -48,7 +48,7 @@ class Baker {
         else
           unfinished_.emplace(r.key, r);
       }
-      existing_ = existing->records().size();
+      existing_ = existing->size();
       volume_ = existing->volume();
     }
     cache_ = cache_of(records_);
@@ -67,14 +67,15 @@ class Baker {
     if (!stopped_ && request_.stop_requested && request_.stop_requested()) stopped_ = true;
     return stopped_;
   }
+  // Records of both kinds until the limit.
+  std::size_t room() const {
+    const std::size_t held = records_.size() + (volume_ ? volume_->size() : 0);
+    return request_.record_limit - std::min(request_.record_limit, held);
+  }
   bool has_room_for(std::size_t more) {
-    if (more <= request_.record_limit && records_.size() <= request_.record_limit - more)
-      return true;
+    if (more <= room()) return true;
     stopped_ = is_at_limit_ = true;
     return false;
-  }
-  bool has_deep_surfaces() const {
-    return !records_.empty() && records_.front().layer() == kDeepLayer;
   }
   // With the records of the medium.
   std::shared_ptr<const IrradianceCache> cache_of(Records records) const {
@@ -290,8 +291,7 @@ void Baker::bake_units(WorkUnits& work) {
   finished_units_.assign(units.size(), {});
   std::vector<std::uint8_t> is_finished(units.size());
   std::atomic<std::size_t> next = 0, done = 0, made = 0;
-  const std::size_t room =
-      records_.size() < request_.record_limit ? request_.record_limit - records_.size() : 0;
+  const std::size_t room = this->room();
   parallel_for_slots(request_.threads, units.size(), 1, [&](std::size_t, int slot) {
     if (made > room) return;
     const std::size_t i = next++;
@@ -346,27 +346,24 @@ void Baker::offer_snapshot() {
       }
   }
   const std::lock_guard lock(snapshot_mutex_);
-  request_.snapshot(cache_of(with_unfinished(std::move(all))));
+  request_.snapshot(cache_of(with_unfinished(std::move(all))), deep_stats_);
 }
 
 void Baker::bake_deep() {
-  const bool needs_surfaces = needs_deep_surfaces(world_, settings_, effects_);
-  if (!needs_surfaces && !effects_.multiple_scattering) return;
   const auto start = std::chrono::steady_clock::now();
-  if ((needs_surfaces && !has_deep_surfaces()) ||
-      (effects_.multiple_scattering && cache_->volume()->size() == 0)) {
+  if (needs_deep_bake(world_, settings_, cache_.get())) {
     auto deep = bake_deep_records(lighting_, settings_, effects_, request_, origin_);
     if (!deep) {
       stopped_ = true;
-    } else if (has_room_for(deep->surface.size())) {
+    } else if (has_room_for(deep->surface.size() + deep->volume.size())) {
       deep_stats_ = deep->stats;
       stats_.counters += deep->counters;
       volume_ = std::make_shared<VolumeCache>(std::move(deep->volume), origin_);
       seal(std::move(deep->surface));
     }
+    stats_.seconds.emplace_back(
+        "bounces", std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
   }
-  stats_.seconds.emplace_back(
-      "bounces", std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
 }
 
 void Baker::bake_top() {
@@ -390,7 +387,7 @@ BakeResult Baker::finish() {
     seal(std::move(all));
   }
   stats_.counters += maker_.counters();
-  stats_.records_added = records_.size() - existing_;
+  stats_.records_added = cache_->size() - existing_;
   return {cache_, std::move(stats_), deep_stats_, stopped_, is_at_limit_};
 }
 
@@ -407,16 +404,18 @@ BakeResult bake(const Lighting& lighting, const BakeSettings& settings, const Ba
   check(settings);
   Baker baker(lighting, settings, request, existing);
   baker.bake_deep();
-  baker.bake_top();
+  if (!request.deep_only) baker.bake_top();
   return baker.finish();
 }
 
-BakeResult bake_deep(const Lighting& lighting, const BakeSettings& settings,
-                     const BakeRequest& request, const IrradianceCache* existing) {
-  check(settings);
-  Baker baker(lighting, settings, request, existing);
-  baker.bake_deep();
-  return baker.finish();
+bool needs_deep_bake(const World& world, const BakeSettings& settings,
+                     const IrradianceCache* existing) {
+  const Effects effects = plan_effects(world, settings.bounces, settings.volume_bounces);
+  const bool has_surfaces = existing != nullptr && !existing->records().empty() &&
+                            existing->records().front().layer() == kDeepLayer;
+  const bool has_medium = existing != nullptr && existing->volume()->size() > 0;
+  return (needs_deep_surfaces(world, settings, effects) && !has_surfaces) ||
+         (effects.multiple_scattering && !has_medium);
 }
 
 }  // namespace brume

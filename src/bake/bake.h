@@ -37,6 +37,25 @@ struct BakeSettings {
 // World, settings, seed and algorithm version; never cameras, threads or paths.
 Fingerprint bake_fingerprint(const World& world, const BakeSettings& settings);
 
+// Of the solve for deep records; zeros where there was none, or it was found.
+struct DeepStats {
+  int orders = 0;       // Reflections that were added up.
+  int scatterings = 0;  // Most scatterings in the medium that were added up between two of them.
+  bool is_accelerated = false;  // Scatterings were summed by GMRES.
+  int applications = 0;         // Of the transport operator.
+  std::vector<double> changes;  // What each order added, in the mean over records, of all so far.
+  double ratio = 0;             // Of the last change to the one before.
+  // No deep record's rest, from orders that were left out, is larger than this part of its light, so
+  // neither is that of any irradiance (DeepSolution). 0 when everything asked for was added up.
+  double truncation_bound = 0;
+  std::size_t surface_records = 0, volume_records = 0, strata = 0;
+  double seconds = 0;
+
+  bool is_solved() const { return surface_records + volume_records > 0; }
+  // One line, for the cache file: every member but the seconds.
+  std::string to_json() const;
+};
+
 struct BakeView {
   std::string name;
   Camera camera;
@@ -51,6 +70,7 @@ struct Shard {
 struct BakeRequest {
   std::vector<BakeView> views;
   bool everywhere = false;  // Cover all surfaces instead.
+  bool deep_only = false;   // Cover nothing: only what gathers anywhere see.
   int threads = 0;
   Shard shard{};
   // Stops before the cache holds more records than this, at the same place for any number of
@@ -62,10 +82,10 @@ struct BakeRequest {
   std::function<void(const std::string& stage, double fraction)> progress;
   std::function<bool()> stop_requested;
   // True once for each time that somebody wants to see what there is; then snapshot() gets all
-  // records so far, as a bake stopped here would leave them. From any thread, one at a time; the
-  // bake goes on.
+  // records so far, as a bake stopped here would leave them, and how deep ones were solved for if
+  // this bake did. From any thread, one at a time; the bake goes on.
   std::function<bool()> snapshot_requested;
-  std::function<void(std::shared_ptr<const IrradianceCache>)> snapshot;
+  std::function<void(std::shared_ptr<const IrradianceCache>, const DeepStats&)> snapshot;
 };
 
 // What of a request decides which records it makes: views and sizes.
@@ -75,20 +95,6 @@ struct BakeStats {
   std::vector<std::pair<std::string, double>> seconds;  // By stage, in order.
   Counters counters;
   std::size_t records_added = 0;
-};
-
-// Of the solve for deep records; zeros where there was none, or it was found.
-struct DeepStats {
-  int orders = 0;       // Reflections that were added up.
-  int scatterings = 0;  // Most scatterings in the medium that were added up between two of them.
-  bool is_accelerated = false;  // Scatterings were summed by GMRES.
-  int applications = 0;         // Of the transport operator.
-  double ratio = 0;             // Of the last change to the one before, in the mean.
-  // No deep record's rest, from orders that were left out, is larger than this part of its light, so
-  // neither is that of any irradiance (DeepSolution). 0 when everything asked for was added up.
-  double truncation_bound = 0;
-  std::size_t surface_records = 0, volume_records = 0, strata = 0;
-  double seconds = 0;
 };
 
 struct BakeResult {
@@ -118,9 +124,8 @@ double split_sphere_radius(const GatherResult& gather, const Vec3d& normal,
 BakeResult bake(const Lighting& lighting, const BakeSettings& settings, const BakeRequest& request,
                 const IrradianceCache* existing);
 
-// Only the deep records: what probes and single gathers need.
-BakeResult bake_deep(const Lighting& lighting, const BakeSettings& settings,
-                     const BakeRequest& request, const IrradianceCache* existing);
+// Whether that takes a solve for deep records, which `existing` (null: nothing) does not hold yet.
+bool needs_deep_bake(const World& world, const BakeSettings& settings, const IrradianceCache* existing);
 
 // A pixel's footprint in records: where less wide, records act as if this many pixels wide, both when
 // placing and when rendering.

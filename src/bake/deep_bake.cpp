@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <nlohmann/json.hpp>
 #include <unordered_map>
 
 #include "bake/light_solve.h"
@@ -43,7 +44,7 @@ class DeepBake {
         origin_(origin),
         finest_(settings_.min_radius * world_.diagonal()),
         maker_(lighting, effects, first_settings_, origin, request.threads),
-        medium_(lighting, first_settings_, effects, origin, request.threads),
+        medium_(lighting, first_settings_, effects, origin, request.threads, request.journal),
         cache_({}, origin) {}
 
   std::optional<DeepRecords> bake();
@@ -100,7 +101,7 @@ class DeepBake {
 
 bool DeepBake::find_first(SurfaceRecord& record, DeepRow& row) const {
   if (!request_.journal) return false;
-  std::optional<DeepRow> found = row_of(request_.journal->find_row(record.key));
+  std::optional<DeepRow> found = row_of(request_.journal->find_note(record.key));
   if (!found || found->unreflected.size() != 1 || !recall(request_.journal, record)) return false;
   row = std::move(*found);
   return true;
@@ -285,6 +286,7 @@ std::optional<DeepRecords> DeepBake::bake() {
       .scatterings = solution.scatterings,
       .is_accelerated = solution.is_accelerated,
       .applications = transport.applications(),
+      .changes = solution.changes,
       .ratio = solution.ratio,
       .truncation_bound = solution.truncation_bound,
       .surface_records = transport.surface_count(),
@@ -304,6 +306,20 @@ std::optional<DeepRecords> DeepBake::bake() {
 }
 
 }  // namespace
+
+std::string DeepStats::to_json() const {
+  const nlohmann::ordered_json all = {{"orders", orders},
+                                {"changes", changes},
+                                {"ratio", ratio},
+                                {"truncation_bound", truncation_bound},
+                                {"scatterings", scatterings},
+                                {"accelerated", is_accelerated},
+                                {"applications", applications},
+                                {"surface_records", surface_records},
+                                {"volume_records", volume_records},
+                                {"strata", strata}};
+  return all.dump();
+}
 
 bool needs_deep_surfaces(const World& world, const BakeSettings& settings, const Effects& effects) {
   const bool is_lit_unreflected =

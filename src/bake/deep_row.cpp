@@ -7,6 +7,7 @@ namespace {
 
 struct RowHeader {
   std::uint32_t numbers, strata, points, reserved;
+  double nearest, error;
 };
 
 template <typename T>
@@ -28,7 +29,10 @@ void take(std::span<const unsigned char>& bytes, std::size_t count, std::vector<
 std::vector<unsigned char> bytes_of(const DeepRow& row) {
   const RowHeader header{static_cast<std::uint32_t>(row.unreflected.size()),
                          static_cast<std::uint32_t>(row.strata.strata.size()),
-                         static_cast<std::uint32_t>(row.strata.points.size()), 0};
+                         static_cast<std::uint32_t>(row.strata.points.size()),
+                         0,
+                         row.nearest,
+                         row.error};
   std::vector<unsigned char> bytes;
   append(bytes, std::vector<RowHeader>{header});
   append(bytes, row.unreflected);
@@ -49,6 +53,8 @@ std::optional<DeepRow> row_of(std::span<const unsigned char> bytes) {
                          sizeof(MediumPoint) * std::uint64_t(header.points))
     return std::nullopt;
   DeepRow row;
+  row.nearest = header.nearest;
+  row.error = header.error;
   take(bytes, header.numbers, row.unreflected);
   take(bytes, header.numbers, row.reflected);
   take(bytes, header.strata, row.strata.strata);

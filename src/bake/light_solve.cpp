@@ -81,6 +81,8 @@ DeepSolution solve_deep_light(const LightTransport& transport,
     solution.orders = order;
     solution.before = light.surface;
     add(change.surface, light.surface);
+    const double all = sum_of(light, stride);
+    solution.changes.push_back(all > 0 ? sum_of(change, stride) / all : 0);
     if (!(ratio < 1) || order == last) continue;
     const double bound = ratio / (1 - ratio) * ratio_of(change, light);
     if (bound + scattering.bound() >= kLargestRest) continue;

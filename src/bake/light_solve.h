@@ -15,7 +15,8 @@ struct DeepSolution {
   int orders = 0;            // Reflections that were added up.
   int scatterings = 0;       // Most scatterings between two of them that were added up one by one.
   bool is_accelerated = false;  // Scatterings without end were summed by GMRES instead.
-  double ratio = 0;          // Of the last change to the one before, in the mean.
+  std::vector<double> changes;  // What each order added, in the mean over records, of all so far.
+  double ratio = 0;             // Of the last change to the one before.
   // No record's rest, from orders that were left out, is larger than this part of its light; where
   // scattering is accelerated, of its light or a tenth of the mean. 0 where none was left out.
   double truncation_bound = 0;

@@ -18,6 +18,7 @@ struct DeepRow {
   std::vector<RgbD> unreflected;  // Met no surface yet: scattered once by the medium, or emitted.
   std::vector<RgbD> reflected;    // Lamps' light that the hits reflect.
   Strata strata;
+  double nearest = kInfinity, error = 0;  // As gathers in the medium tell them.
 };
 
 // A row as a journal keeps it, and back; nothing for bytes that are no row.

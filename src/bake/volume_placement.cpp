@@ -72,7 +72,8 @@ int harmonic_order(const Medium& medium) {
 }
 
 VolumePlacement::VolumePlacement(const Lighting& lighting, const BakeSettings& settings,
-                                 const Effects& effects, const Vec3d& origin, int threads)
+                                 const Effects& effects, const Vec3d& origin, int threads,
+                                 CacheJournal* journal)
     : lighting_(lighting),
       world_(lighting.world()),
       settings_(settings),
@@ -80,6 +81,7 @@ VolumePlacement::VolumePlacement(const Lighting& lighting, const BakeSettings& s
       origin_(origin),
       threads_(threads),
       order_(harmonic_order(lighting.world().medium())),
+      journal_(journal),
       box_(scattering_box(lighting.world())) {
   records_.order = order_;
 }
@@ -216,6 +218,29 @@ bool VolumePlacement::place(const std::function<bool()>& is_stopped) {
   return true;
 }
 
+bool VolumePlacement::find(VolumeRecord& record, DeepRow& row) const {
+  if (!journal_) return false;
+  std::optional<DeepRow> found = row_of(journal_->find_note(record.key));
+  if (!found || found->unreflected.size() != std::size_t(harmonic_count(order_))) return false;
+  row = std::move(*found);
+  return true;
+}
+
+void VolumePlacement::gather_one(VolumeGatherer& gatherer, VolumeRecord& r, DeepRow& row,
+                                 Counters& counters) const {
+  HitLight lamps;
+  lamps.reflect = settings_.bounces > 0;
+  const VolumeGatherResult g = gatherer.gather(
+      vector(r.position) + origin_, random_key(settings_.seed, r.key), lamps, counters);
+  row.nearest = g.nearest;
+  row.error = g.error;
+  row.reflected = g.reflected;
+  for (std::size_t k = 0; k < g.moments.size(); ++k)
+    row.unreflected.push_back(g.moments[k] - g.reflected[k]);
+  row.strata = gatherer.strata();
+  if (journal_) journal_->add_note(r.key, bytes_of(row));
+}
+
 bool VolumePlacement::gather(const std::vector<Site>& sites, int wave,
                              const std::function<bool()>& is_stopped) {
   GatherOptions options = settings_.gather;
@@ -227,8 +252,6 @@ bool VolumePlacement::gather(const std::vector<Site>& sites, int wave,
   std::vector<Worker> workers(static_cast<std::size_t>(resolve_thread_count(threads_)));
   std::vector<VolumeRecord> fresh(sites.size());
   std::vector<DeepRow> rows(sites.size());
-  HitLight lamps;
-  lamps.reflect = settings_.bounces > 0;
   std::atomic<bool> stopped = false;
   parallel_for_slots(threads_, sites.size(), 1, [&](std::size_t i, int slot) {
     if (stopped || is_stopped()) {
@@ -249,16 +272,10 @@ bool VolumePlacement::gather(const std::vector<Site>& sites, int wave,
     r.key = random_key(kKeyOfVolume, bits[0], bits[1], bits[2]);
     r.axes[0] = 1;
     r.flags = record_flags(kDeepVolumeLayer, wave);
-    const VolumeGatherResult g = worker.gatherer->gather(
-        vector(r.position) + origin_, random_key(settings_.seed, r.key), lamps, worker.counters);
+    if (!find(r, rows[i])) gather_one(*worker.gatherer, r, rows[i], worker.counters);
     r.clearance = static_cast<float>(
-        std::min<double>(g.nearest, std::numeric_limits<float>::max()));
-    r.error = static_cast<float>(g.error);
-    DeepRow& row = rows[i];
-    row.reflected = g.reflected;
-    for (std::size_t k = 0; k < g.moments.size(); ++k)
-      row.unreflected.push_back(g.moments[k] - g.reflected[k]);
-    row.strata = worker.gatherer->strata();
+        std::min<double>(rows[i].nearest, std::numeric_limits<float>::max()));
+    r.error = static_cast<float>(rows[i].error);
   });
   for (const Worker& w : workers) counters_ += w.counters;
   if (stopped) return false;

@@ -23,9 +23,9 @@ int harmonic_order(const Medium& medium);
 // cell scatters of all that is scattered. A pure function of the scene and the settings; never of views.
 class VolumePlacement {
  public:
-  // Everything must outlive it. `settings` as deep records use them.
+  // Everything must outlive it. `settings` as deep records use them. `journal` may be null.
   VolumePlacement(const Lighting& lighting, const BakeSettings& settings, const Effects& effects,
-                  const Vec3d& origin, int threads);
+                  const Vec3d& origin, int threads, CacheJournal* journal);
 
   // False where `is_stopped` says so first.
   bool place(const std::function<bool()>& is_stopped);
@@ -49,6 +49,9 @@ class VolumePlacement {
   Vec3d longest_steps(const Vec3d& p, double scale) const;
   void cut(const Box3d& cell, double scale, int depth, std::vector<Site>& sites) const;
   std::vector<Site> first_sites(double scale) const;
+  // What a record's gather finds, or found in an earlier run: its row, clearance and error.
+  bool find(VolumeRecord& record, DeepRow& row) const;
+  void gather_one(VolumeGatherer& gatherer, VolumeRecord& record, DeepRow& row, Counters& counters) const;
   bool gather(const std::vector<Site>& sites, int wave, const std::function<bool()>& is_stopped);
   std::vector<Site> cut_where_light_changes();
   void sort();
@@ -59,6 +62,7 @@ class VolumePlacement {
   Effects effects_;
   Vec3d origin_;
   int threads_, order_;
+  CacheJournal* journal_;
   Box3d box_;
   VolumeRecords records_;
   std::vector<DeepRow> rows_;  // As records_.

@@ -97,17 +97,49 @@ void BlockChain::write_records(std::span<const SurfaceRecord> records, std::uint
   }
 }
 
-void BlockChain::write_row(std::uint64_t key, std::span<const unsigned char> row) {
-  std::vector<unsigned char> padded(row.begin(), row.end());
-  padded.resize((row.size() + kRowUnitBytes - 1) / kRowUnitBytes * kRowUnitBytes);
-  constexpr std::size_t kMostBytes = CacheWriter::kBlockRecords * kRowUnitBytes;
+void BlockChain::write_records(const VolumeRecords& all) {
+  const std::size_t stride = volume_record_file_bytes(all.order),
+                    moment_bytes = all.stride() * sizeof(VolumeMoment);
+  std::vector<unsigned char> payload;
+  for (std::size_t begin = 0; begin < all.size();) {
+    const VolumeRecord& first = all.records[begin];
+    const auto goes_on = [&](std::size_t i) {
+      return i < all.size() && all.records[i].layer() == first.layer() &&
+             all.records[i].wave() == first.wave();
+    };
+    std::size_t end = begin;
+    while (end - begin < CacheWriter::kBlockRecords && goes_on(end)) ++end;
+    payload.assign((end - begin) * stride, 0);
+    for (std::size_t i = begin; i < end; ++i) {
+      unsigned char* bytes = payload.data() + (i - begin) * stride;
+      std::memcpy(bytes, &all.records[i], sizeof(VolumeRecord));
+      std::memcpy(bytes + sizeof(VolumeRecord), all.moments_of(i).data(), moment_bytes);
+    }
+    BlockHeader block;
+    block.kind = static_cast<std::uint8_t>(RecordKind::Volume);
+    block.layer = static_cast<std::uint8_t>(first.layer());
+    block.wave = static_cast<std::uint8_t>(first.wave());
+    if (!goes_on(end)) block.flags |= kBatchEnds;
+    block.count = static_cast<std::uint32_t>(end - begin);
+    block.first_key = first.key;
+    block.last_key = all.records[end - 1].key;
+    write_block(block, payload.data(), payload.size());
+    begin = end;
+  }
+}
+
+void BlockChain::write_note(std::uint64_t key, std::span<const unsigned char> note,
+                            std::uint8_t flags) {
+  std::vector<unsigned char> padded(note.begin(), note.end());
+  padded.resize((note.size() + kNoteUnitBytes - 1) / kNoteUnitBytes * kNoteUnitBytes);
+  constexpr std::size_t kMostBytes = CacheWriter::kBlockRecords * kNoteUnitBytes;
   for (std::size_t i = 0; i < padded.size(); i += kMostBytes) {
     const std::size_t count = std::min(kMostBytes, padded.size() - i);
     BlockHeader block;
-    block.kind = static_cast<std::uint8_t>(RecordKind::Row);
-    block.flags = kOptional | kAsGathered;
+    block.kind = static_cast<std::uint8_t>(RecordKind::Note);
+    block.flags = flags | kOptional;
     if (i + count == padded.size()) block.flags |= kBatchEnds;
-    block.count = static_cast<std::uint32_t>(count / kRowUnitBytes);
+    block.count = static_cast<std::uint32_t>(count / kNoteUnitBytes);
     block.first_key = block.last_key = key;
     write_block(block, padded.data() + i, count);
   }
@@ -152,6 +184,17 @@ void check_batch(std::span<const SurfaceRecord> records, const std::filesystem::
     if (wrong)
       throw Error(ErrorKind::Internal,
                   file.string() + ": record " + std::to_string(i) + " of a batch: " + wrong);
+  }
+}
+
+void check_batch(const VolumeRecords& all, const std::filesystem::path& file) {
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const char* wrong = record_fault(all.records[i], all.moments_of(i));
+    if (!wrong && i > 0 && VolumeRecordOrder{}(all.records[i], all.records[i - 1]))
+      wrong = "out of order";
+    if (wrong)
+      throw Error(ErrorKind::Internal,
+                  file.string() + ": volume record " + std::to_string(i) + ": " + wrong);
   }
 }
 

@@ -27,8 +27,9 @@ class BlockChain {
   void write_header(const CacheHeader& header);
   // `records` of one layer and wave, by key.
   void write_records(std::span<const SurfaceRecord> records, std::uint8_t flags);
-  // Of the record `key`; padded with zeros.
-  void write_row(std::uint64_t key, std::span<const unsigned char> row);
+  void write_records(const VolumeRecords& records);
+  // Padded with zeros. With `flags` of its blocks.
+  void write_note(std::uint64_t key, std::span<const unsigned char> note, std::uint8_t flags);
   void write_order(int layer, std::span<const std::uint32_t> order);
   void write_tail();
   // fdatasync after each block from now on; else now and then.
@@ -59,6 +60,7 @@ class BlockChain {
 // Throws Error(Internal) unless the file could be read back: no record_fault(), one layer and wave,
 // in order.
 void check_batch(std::span<const SurfaceRecord> records, const std::filesystem::path& file);
+void check_batch(const VolumeRecords& records, const std::filesystem::path& file);
 
 // Of `file`, durably; some file systems have no such thing for folders and say EINVAL.
 void sync_folder_of(const std::filesystem::path& file);

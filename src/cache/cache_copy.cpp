@@ -52,13 +52,28 @@ void write_cache_contents(const std::filesystem::path& file, CacheContents conte
     std::stable_sort(records.begin(), records.end(), RecordOrder{});
     contents.batch_ends = standard_batch_ends(records);
   }
+  VolumeRecords& volume = contents.volume;
+  for (std::size_t i = 0; i < volume.size(); ++i)
+    if (const char* fault = record_fault(volume.records[i], volume.moments_of(i)))
+      throw Error(ErrorKind::InvalidInput, printable(file.string()) + ": volume record " +
+                                               std::to_string(i) + ": " + fault +
+                                               ": bake the cache again");
+  volume.sort();
+  contents.header.volume_order = volume_order_of(volume);
   CacheWriter writer(file, contents.header);
   std::size_t begin = 0;
+  bool is_deep_sealed = false;
+  const auto end_deep = [&] {
+    if (!is_deep_sealed) writer.seal_deep(volume, contents.solve);
+    is_deep_sealed = true;
+  };
   for (const std::size_t end : contents.batch_ends) {
+    if (records[begin].layer() != kDeepLayer) end_deep();
     writer.seal({records.begin() + static_cast<std::ptrdiff_t>(begin),
                  records.begin() + static_cast<std::ptrdiff_t>(end)});
     begin = end;
   }
+  end_deep();
   if (!contents.curve_order.empty()) {  // As it was for other records: a part has its own.
     const IrradianceCache cache(std::move(records), contents.header.origin);
     for (int layer = 0; layer < cache.layers(); ++layer)

@@ -18,9 +18,8 @@ std::vector<std::uint32_t> lookup_order(const std::vector<SurfaceRecord>& record
 // `contents` as a complete file, written aside and renamed. Records are sealed in the batches that
 // `batch_ends` tells of; where those are not batches of these records (of one layer and wave, in
 // order of keys) the records are sorted and standard_batch_ends() used. With a lookup order of these
-// records where `contents` has one. Throws Error(InvalidInput)
-// 
-// naming the first record with a record_fault(), Error(Resource) where it cannot write.
+// records where `contents` has one. Throws Error(InvalidInput) naming the first record with a
+// record_fault(), Error(Resource) where it cannot write.
 void write_cache_contents(const std::filesystem::path& file, CacheContents contents);
 
 }  // namespace brume

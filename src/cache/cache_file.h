@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "cache/record.h"
+#include "cache/volume_record.h"
 #include "core/hash.h"
 #include "core/math.h"
 
@@ -29,12 +30,19 @@ struct ShardSet {
   friend bool operator==(const ShardSet&, const ShardSet&) = default;
 };
 
+inline constexpr int kNoVolumeRecords = -1;  // As an order of moments.
+// CacheHeader::volume_order of a file with these.
+inline int volume_order_of(const VolumeRecords& records) {
+  return records.size() > 0 ? records.order : kNoVolumeRecords;
+}
+
 struct CacheHeader {
   Fingerprint fingerprint;
   Vec3d origin{0.0};       // What record positions are relative to.
   std::string settings;    // Bake settings as one line of JSON, for people and `inspect`.
   std::string creator;     // Program and version; no clock, host or path.
   int format_minor = 0;    // Set by reading.
+  int volume_order = kNoVolumeRecords;  // Up to which volume records keep moments.
   ShardSet shards{};
 
   // Longer ones are an Error(Internal) of CacheWriter; control characters too.
@@ -48,7 +56,10 @@ struct CacheContents {
   std::vector<SurfaceRecord> records;  // In file order.
   // Index in `records` of the end of each seal(), so that a copy can be cut into the same blocks.
   std::vector<std::size_t> batch_ends;
-  // All of them along the lookups' curve, layer by layer; empty where the file tells none.
+  VolumeRecords volume;  // Of the medium, in file order.
+  // How the light of deep records was solved for (DeepStats): one line of JSON; empty for nothing.
+  std::string solve;
+  // All surface records along the lookups' curve, layer by layer; empty where the file tells none.
   std::vector<std::uint32_t> curve_order;
   std::size_t sealed_blocks = 0;
   bool is_complete = false;  // Has a valid footer.
@@ -95,6 +106,10 @@ class CacheWriter {
   // `records` in RecordOrder, all of one layer and wave, none with a record_fault() (else
   // Error(Internal)). Cut into blocks of at most kBlockRecords.
   void seal(const std::vector<SurfaceRecord>& records);
+  // Between deep surface records and top ones, so that a file cut short that holds any top record holds
+  // all deep ones: those of the medium, in VolumeRecordOrder, of the header's volume_order, and
+  // CacheContents::solve.
+  void seal_deep(const VolumeRecords& records, const std::string& solve);
   // IrradianceCache::curve_order(), after all records: with it a cache opens faster.
   void seal_order(int layer, std::span<const std::uint32_t> order);
   // Footer, fsync, rename, fsync of the folder.

@@ -39,14 +39,14 @@ CacheJournal::CacheJournal(const std::filesystem::path& file, const CacheHeader&
   const auto bytes = static_cast<std::uint64_t>(part.status().st_size);
   ChainState state;
   if (!options_.starts_anew && bytes >= cache_layout::kHeaderBytes) {
-    ChainReading reading = read_chain(part, bytes, {.keeps_rows = true});
+    ChainReading reading = read_chain(part, bytes, {.keeps_notes = true});
     const CacheContents& held = reading.check.opening.contents;
     if (reading.check.valid_bytes < cache_layout::kHeaderBytes)
       refuse(part.path(), reading.check.opening.reason);
     if (held.header.fingerprint != header.fingerprint || held.header.origin != header.origin)
       refuse(part.path(), "stale: the unfinished bake of another scene or other settings");
     state = std::move(reading.state);
-    found_rows_ = std::move(reading.rows);
+    found_notes_ = std::move(reading.notes);
     for (const SurfaceRecord& record : held.records)
       if (!record_fault(record)) found_.emplace(slot_of(record.layer(), record.key), record);
   }
@@ -86,17 +86,28 @@ const SurfaceRecord* CacheJournal::find(int layer, std::uint64_t key) const {
                                                                                     : nullptr;
 }
 
-std::span<const unsigned char> CacheJournal::find_row(std::uint64_t key) const {
-  const auto it = found_rows_.find(key);
-  if (it == found_rows_.end()) return {};
+std::span<const unsigned char> CacheJournal::find_note(std::uint64_t key) const {
+  const auto it = found_notes_.find(key);
+  if (it == found_notes_.end()) return {};
   return it->second;
 }
 
-void CacheJournal::add(const SurfaceRecord& record, std::vector<unsigned char> row) {
+void CacheJournal::add(const SurfaceRecord& record, std::vector<unsigned char> note) {
   const std::lock_guard lock(mutex_);
   unsealed_.push_back(record);
-  if (!row.empty()) unsealed_rows_.emplace_back(record.key, std::move(row));
-  if (unsealed_.size() >= CacheWriter::kBlockRecords ||
+  if (!note.empty()) unsealed_notes_.emplace_back(record.key, std::move(note));
+  seal_if_due();
+}
+
+void CacheJournal::add_note(std::uint64_t key, std::vector<unsigned char> note) {
+  const std::lock_guard lock(mutex_);
+  unsealed_notes_.emplace_back(key, std::move(note));
+  seal_if_due();
+}
+
+void CacheJournal::seal_if_due() {
+  ++unsealed_count_;
+  if (unsealed_count_ >= CacheWriter::kBlockRecords ||
       std::chrono::steady_clock::now() - last_seal_ >= options_.seal_interval)
     seal_locked();
 }
@@ -108,10 +119,11 @@ void CacheJournal::seal() {
 }
 
 void CacheJournal::seal_locked() {
-  // Rows first: a record that is found vouches for its row.
-  std::sort(unsealed_rows_.begin(), unsealed_rows_.end());
-  for (const auto& [key, row] : unsealed_rows_) impl_->chain.write_row(key, row);
-  unsealed_rows_.clear();
+  // Notes first: a record that is found vouches for its note.
+  std::sort(unsealed_notes_.begin(), unsealed_notes_.end());
+  for (const auto& [key, note] : unsealed_notes_)
+    impl_->chain.write_note(key, note, cache_layout::kAsGathered);
+  unsealed_notes_.clear();
   std::sort(unsealed_.begin(), unsealed_.end(), RecordOrder{});
   for (auto run = unsealed_.begin(); run != unsealed_.end();) {
     auto end = run;
@@ -121,9 +133,10 @@ void CacheJournal::seal_locked() {
     impl_->chain.write_records(batch, cache_layout::kAsGathered);
     run = end;
   }
-  added_ += unsealed_.size();
-  const bool is_any = !unsealed_.empty();
+  added_ += unsealed_count_;
+  const bool is_any = unsealed_count_ > 0;
   unsealed_.clear();
+  unsealed_count_ = 0;
   last_seal_ = std::chrono::steady_clock::now();
   if (is_any && options_.on_sealed) options_.on_sealed(added_);
 }

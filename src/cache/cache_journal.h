@@ -17,7 +17,7 @@ struct JournalOptions {
   std::chrono::milliseconds seal_interval{1000};  // What a kill costs at most.
   bool survives_power_loss = false;  // Syncs each block: then what a power cut costs, too.
   bool starts_anew = false;          // Drops what a part holds, whatever it is.
-  // After each seal, with the number of records sealed in this process; from any thread, one at a
+  // After each seal, with the number of gathers sealed in this process; from any thread, one at a
   // time.
   std::function<void(std::size_t)> on_sealed{};
 };
@@ -36,11 +36,12 @@ class CacheJournal {
 
   // What was left there, as gathered; null for none. Any thread.
   const SurfaceRecord* find(int layer, std::uint64_t key) const;
-  // What was added with the record of that key, padded with zeros; empty for nothing. Any thread.
-  std::span<const unsigned char> find_row(std::uint64_t key) const;
+  // The note that was added under that key, padded with zeros; empty for nothing. Any thread.
+  std::span<const unsigned char> find_note(std::uint64_t key) const;
   // Any thread. Throws Error(Resource), then and whenever called again, when the disk fails. Who finds
-  // the record finds the row, too.
-  void add(const SurfaceRecord& record, std::vector<unsigned char> row = {});
+  // the record finds the note that came with it under its key.
+  void add(const SurfaceRecord& record, std::vector<unsigned char> note = {});
+  void add_note(std::uint64_t key, std::vector<unsigned char> note);
   // Everything added is sealed and synced once it returns.
   void seal();
   // The cache itself holds it all now.
@@ -52,17 +53,18 @@ class CacheJournal {
 
  private:
   struct Impl;
+  void seal_if_due();
   void seal_locked();
 
   std::unique_ptr<Impl> impl_;
   std::unordered_map<std::uint64_t, SurfaceRecord> found_;
-  std::unordered_map<std::uint64_t, std::vector<unsigned char>> found_rows_;
+  std::unordered_map<std::uint64_t, std::vector<unsigned char>> found_notes_;
   std::mutex mutex_;
-  std::vector<std::pair<std::uint64_t, std::vector<unsigned char>>> unsealed_rows_;
+  std::vector<std::pair<std::uint64_t, std::vector<unsigned char>>> unsealed_notes_;
   std::vector<SurfaceRecord> unsealed_;
   std::chrono::steady_clock::time_point last_seal_ = std::chrono::steady_clock::now();
   JournalOptions options_;
-  std::size_t added_ = 0;
+  std::size_t added_ = 0, unsealed_count_ = 0;
 };
 
 // Whether a FILE.part with anything in it lies beside FILE: a bake to go on with.

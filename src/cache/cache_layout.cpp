@@ -38,7 +38,7 @@ struct Field {
 };
 #define BRUME_FIELD(name, unit, type, count) \
   Field { #name, unit, type, RecordKind::Surface, offsetof(SurfaceRecord, name), count }
-constexpr Field kFields[] = {
+constexpr Field kSurfaceFields[] = {
     BRUME_FIELD(position, "world", "f32", 3),      BRUME_FIELD(normal, "1", "f32", 3),
     BRUME_FIELD(irradiance, "W/m^2", "f32", 3),    BRUME_FIELD(gradient, "W/m^2/world", "f32", 9),
     BRUME_FIELD(rotational, "W/m^2", "f32", 6),    BRUME_FIELD(axis, "rad", "f32", 1),
@@ -47,7 +47,27 @@ constexpr Field kFields[] = {
     BRUME_FIELD(key, "hash", "u64", 1),
 };
 #undef BRUME_FIELD
-static_assert(std::size(kFields) <= kMaxFields);
+#define BRUME_FIELD(name, unit, type, count) \
+  Field { #name, unit, type, RecordKind::Volume, offsetof(VolumeRecord, name), count }
+// Before the moments, whose count follows from the order.
+constexpr Field kVolumeFields[] = {
+    BRUME_FIELD(position, "world", "f32", 3), BRUME_FIELD(radius, "world", "f32", 3),
+    BRUME_FIELD(axes, "1", "f32", 4),         BRUME_FIELD(error, "W/m^2", "f32", 1),
+    BRUME_FIELD(media_share, "1", "f32", 1),  BRUME_FIELD(flags, "bits", "u32", 1),
+    BRUME_FIELD(clearance, "world", "f32", 1), BRUME_FIELD(key, "hash", "u64", 1),
+};
+#undef BRUME_FIELD
+static_assert(std::size(kSurfaceFields) + std::size(kVolumeFields) + 1 <= kMaxFields);
+
+// In the table, of files with these records of the medium.
+std::vector<Field> fields_of(int volume_order) {
+  std::vector<Field> fields(std::begin(kSurfaceFields), std::end(kSurfaceFields));
+  if (volume_order == kNoVolumeRecords) return fields;
+  fields.insert(fields.end(), std::begin(kVolumeFields), std::end(kVolumeFields));
+  fields.push_back({"moments", "W/m^2", "f32", RecordKind::Volume, sizeof(VolumeRecord),
+                    3 * static_cast<std::size_t>(harmonic_count(volume_order))});
+  return fields;
+}
 
 template <typename T>
 void put(unsigned char* bytes, std::size_t at, const T& value) {
@@ -61,8 +81,8 @@ T get(const unsigned char* bytes, std::size_t at) {
   return value;
 }
 
-void put_schema(unsigned char* bytes) {
-  for (const Field& field : kFields) {
+void put_schema(const std::vector<Field>& fields, unsigned char* bytes) {
+  for (const Field& field : fields) {
     std::memcpy(bytes, field.name, std::strlen(field.name));
     std::memcpy(bytes + 16, field.unit, std::strlen(field.unit));
     std::memcpy(bytes + 28, field.type, std::strlen(field.type));
@@ -87,6 +107,15 @@ bool is_magic_as_text(const std::vector<unsigned char>& bytes) {
   return visible == "\x89IRC\x1a" || visible == "\tIRC\x1a";
 }
 
+// Whether the table of fields begins with these.
+bool has_fields(const unsigned char* bytes, const std::vector<Field>& fields) {
+  const auto count = get<std::uint32_t>(bytes, kFieldCountAt);
+  std::vector<unsigned char> schema(fields.size() * kFieldBytes, 0);
+  put_schema(fields, schema.data());
+  return count >= fields.size() && count <= kMaxFields &&
+         std::equal(schema.begin(), schema.end(), bytes + kSchemaAt);
+}
+
 // Why the first eight bytes are not the magic; empty where they are.
 std::pair<CacheState, std::string> check_magic(const std::vector<unsigned char>& bytes) {
   const std::size_t present = std::min(bytes.size(), sizeof kMagic);
@@ -100,6 +129,10 @@ std::pair<CacheState, std::string> check_magic(const std::vector<unsigned char>&
 }
 
 }  // namespace
+
+std::size_t volume_record_file_bytes(int order) {
+  return (volume_record_bytes(order) + kOffsetUnit - 1) / kOffsetUnit * kOffsetUnit;
+}
 
 HeaderBytes encode_header(const CacheHeader& header) {
   if (header.settings.size() > CacheHeader::kMaxSettingsBytes || !is_text(header.settings))
@@ -123,15 +156,20 @@ HeaderBytes encode_header(const CacheHeader& header) {
   put(bytes, kHeaderBytesAt, static_cast<std::uint32_t>(kHeaderBytes));
   put(bytes, kBlockRecordsAt, static_cast<std::uint32_t>(CacheWriter::kBlockRecords));
   put(bytes, kKindBytesAt, static_cast<std::uint32_t>(sizeof(SurfaceRecord)));
+  if (header.volume_order != kNoVolumeRecords)
+    put(bytes, kKindBytesAt + 4,
+        static_cast<std::uint32_t>(volume_record_file_bytes(header.volume_order)));
   put(bytes, kKindBytesAt + 8,
       static_cast<std::uint32_t>(kIndicesPerOrder * sizeof(std::uint32_t)));
-  put(bytes, kFieldCountAt, static_cast<std::uint32_t>(std::size(kFields)));
+  put(bytes, kKindBytesAt + 12, kNoteUnitBytes);
+  const std::vector<Field> fields = fields_of(header.volume_order);
+  put(bytes, kFieldCountAt, static_cast<std::uint32_t>(fields.size()));
   put(bytes, kFingerprintAt, header.fingerprint.words);
   for (std::size_t a = 0; a < 3; ++a)
     put(bytes, kOriginAt + 8 * a, header.origin[static_cast<int>(a)]);
   put(bytes, kSettingsBytesAt, static_cast<std::uint32_t>(header.settings.size()));
   std::copy(header.creator.begin(), header.creator.end(), bytes + kCreatorAt);
-  put_schema(bytes + kSchemaAt);
+  put_schema(fields, bytes + kSchemaAt);
   std::copy(header.settings.begin(), header.settings.end(), bytes + kSettingsAt);
   put(bytes, kRequestAt, header.shards.request);
   put(bytes, kShardCountAt, header.shards.count);
@@ -241,14 +279,14 @@ HeaderReading decode_header(const std::vector<unsigned char>& file) {
     if (size > 65536 || size % kOffsetUnit != 0)
       return refuse(CacheState::Foreign, "records of " + std::to_string(size) + " bytes");
   // Fields of other kinds may follow ours, or come with a newer minor version.
-  const auto fields = get<std::uint32_t>(bytes, kFieldCountAt);
-  unsigned char schema[std::size(kFields) * kFieldBytes] = {};
-  put_schema(schema);
-  if (fields < std::size(kFields) || fields > kMaxFields ||
-      !std::equal(std::begin(schema), std::end(schema), bytes + kSchemaAt))
+  if (!has_fields(bytes, fields_of(kNoVolumeRecords)))
     return refuse(CacheState::Foreign, "its records have other fields");
 
   CacheHeader& header = result.header;
+  for (int order = 0; order <= kMaxHarmonicOrder; ++order)
+    if (result.record_bytes[1] == volume_record_file_bytes(order) &&
+        has_fields(bytes, fields_of(order)))
+      header.volume_order = order;
   header.format_minor = get<std::uint16_t>(bytes, kVersionAt + 2);
   header.fingerprint.words = get<std::array<std::uint64_t, 2>>(bytes, kFingerprintAt);
   for (int a = 0; a < 3; ++a)

@@ -6,7 +6,8 @@
 //   block  = 64-byte block header, payload of `count` records of one kind, layer and wave
 //   index  = 32 bytes for each block;  footer = 128 bytes, only in a complete file
 //
-// Records of a complete file are in RecordOrder. What speeds up opening (the order of the records
+// Surface records of a complete file are in RecordOrder, those of the medium and the solve's note between
+// its deep and top ones. What speeds up opening (the order of the records
 // along a curve) comes in blocks of its own kind that a reader may skip.
 //
 // A block names the sum of what precedes it (the file header's, then the previous block header's),
@@ -28,17 +29,17 @@ static_assert(std::endian::native == std::endian::little, "records are written a
 
 inline constexpr std::size_t kHeaderBytes = 4096, kBlockHeaderBytes = 64, kIndexEntryBytes = 32,
                              kFooterBytes = 128;
-inline constexpr std::uint16_t kMajor = 1, kMinor = 1;
+inline constexpr std::uint16_t kMajor = 1, kMinor = 2;
 // Own offsets are kept in units of 64 bytes in 32 bits.
 inline constexpr std::uint64_t kOffsetUnit = 64, kMaxFileBytes = kOffsetUnit << 32;
 
-// What a block holds; the size of one stands in the header's table. Kind 2 is left for volume
-// records. Order: sixteen indices of surface records, 4 bytes each, along the curve that lookups
-// sort by.
-// Row: what goes with a record in a part, in units of kRowUnitBytes; the blocks of one row follow each
-// other and name its key, the last of them ends its batch.
-enum class RecordKind : std::uint8_t { Surface = 1, Order = 3, Row = 4 };
-inline constexpr std::uint32_t kRowUnitBytes = 64;
+// What a block holds; the size of one stands in the header's table.
+// Order: sixteen indices of surface records, 4 bytes each, along the curve that lookups sort by.
+// Note: bytes that go with the record of the key that the block names, in units of kNoteUnitBytes; key 0
+// for what goes with all of them. The blocks of one note follow each other, the last ends its batch.
+enum class RecordKind : std::uint8_t { Surface = 1, Volume = 2, Order = 3, Note = 4 };
+inline constexpr std::uint32_t kNoteUnitBytes = 64;
+inline constexpr std::uint64_t kKeyOfSolve = 0;  // CacheContents::solve.
 inline constexpr std::size_t kKinds = 4;
 inline constexpr std::size_t kIndicesPerOrder = 16;
 inline constexpr std::uint32_t kNoIndex = 0xffffffff;  // Fills the last entry of a layer.
@@ -58,6 +59,9 @@ struct BlockHeader {
   std::uint64_t previous = 0;  // Sum of the header before this one: of the file, then of blocks.
   std::uint64_t payload_sum = 0;
 };
+
+// Of a volume record on disk: padded with zeros.
+std::size_t volume_record_file_bytes(int order);
 
 using HeaderBytes = std::array<unsigned char, kHeaderBytes>;
 using BlockHeaderBytes = std::array<unsigned char, kBlockHeaderBytes>;

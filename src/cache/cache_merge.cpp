@@ -59,6 +59,27 @@ ShardSet union_of_shards(const std::vector<MergeInput>& inputs) {
   return {shards.request, shards.count, {done.begin(), done.end()}};
 }
 
+// Deep records are solved for together, so those of the medium come whole, and the same in each input
+// that holds any.
+void merge_volumes(const std::vector<MergeInput>& inputs, MergedCache& merged) {
+  const MergeInput* first = nullptr;
+  for (const MergeInput& input : inputs) {
+    const CacheContents& contents = input.contents;
+    if (contents.volume.size() == 0 && contents.solve.empty()) continue;
+    if (!first) {
+      first = &input;
+      merged.volume = contents.volume;
+      merged.solve = contents.solve;
+    } else if (!(contents.volume == merged.volume) || contents.solve != merged.solve) {
+      refuse(*first, input,
+             "the records of the medium, or the solve for their light, differ: one of them was made "
+             "by another build or a broken machine: bake again");
+    } else {
+      merged.repeated += contents.volume.size();
+    }
+  }
+}
+
 }  // namespace
 
 void mark_finished(std::vector<SurfaceRecord>& records) {
@@ -78,6 +99,7 @@ MergedCache merge_caches(const std::vector<MergeInput>& inputs) {
                  other.fingerprint.hex() + "): merge caches of one scene");
     for (const SurfaceRecord& record : input.contents.records) all.push_back({&record, &input});
   }
+  merge_volumes(inputs, merged);
   merged.header = header;
   // Two versions of the program may make the same records; the later name stands for both.
   for (const MergeInput& input : inputs)

@@ -78,6 +78,13 @@ void CacheWriter::seal(const std::vector<SurfaceRecord>& records) {
   impl_->chain.write_records(records, 0);
 }
 
+void CacheWriter::seal_deep(const VolumeRecords& records, const std::string& solve) {
+  check_batch(records, impl_->file);
+  impl_->chain.write_records(records);
+  const std::vector<unsigned char> bytes(solve.begin(), solve.end());
+  impl_->chain.write_note(cache_layout::kKeyOfSolve, bytes, 0);
+}
+
 void CacheWriter::seal_order(int layer, std::span<const std::uint32_t> order) {
   impl_->chain.write_order(layer, order);
 }
@@ -94,17 +101,26 @@ void CacheWriter::finish() {
   sync_folder_of(impl_->file);  // The rename itself is durable only once its folder is.
 }
 
-void write_cache(const std::filesystem::path& file, const CacheHeader& header,
-                 const IrradianceCache& cache, const CacheJournal* journal) {
+void write_cache(const std::filesystem::path& file, CacheHeader header,
+                 const IrradianceCache& cache, const std::string& solve,
+                 const CacheJournal* journal) {
+  header.volume_order = volume_order_of(cache.volume()->all());
   CacheWriter writer(file, header, journal);
   const auto records = cache.records();
+  bool is_deep_sealed = false;
+  const auto end_deep = [&] {
+    if (!is_deep_sealed) writer.seal_deep(cache.volume()->all(), solve);
+    is_deep_sealed = true;
+  };
   for (auto run = records.begin(); run != records.end();) {
+    if (run->layer() != kDeepLayer) end_deep();
     auto end = run;
     while (end != records.end() && end->layer() == run->layer() && end->wave() == run->wave())
       ++end;
     writer.seal({run, end});
     run = end;
   }
+  end_deep();
   for (int layer = 0; layer < cache.layers(); ++layer)
     if (const auto order = cache.curve_order(layer); !order.empty())
       writer.seal_order(layer, order);

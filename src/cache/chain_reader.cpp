@@ -23,7 +23,7 @@ class Reader {
   Reader(const PosixFile& file, std::uint64_t size) : file_(file), size_(size) {}
 
   ChainReading read(const ChainReadingOptions& options) {
-    keeps_rows_ = options.keeps_rows;
+    keeps_notes_ = options.keeps_notes;
     check_.file_bytes = size_;
     std::vector<unsigned char> bytes(std::min<std::uint64_t>(size_, kHeaderBytes));
     if (!fetch(bytes.data(), bytes.size(), 0)) return corrupt(kShrank);
@@ -53,11 +53,12 @@ class Reader {
     if (!wrong.empty()) return corrupt(wrong);
     if (check_.bad_records > 0) return corrupt(first_fault_);
     check_.opening.state = CacheState::Loaded;
-    return {std::move(check_), std::move(state_), std::move(rows_)};
+    return {std::move(check_), std::move(state_), std::move(notes_)};
   }
 
  private:
   static constexpr const char* kShrank = "the file shrank while it was read";
+  static constexpr const char* kNotThose = "its records are not those its header tells of";
 
   // A block whose header fits where it lies.
   struct Block {
@@ -78,7 +79,7 @@ class Reader {
     check_.opening.state = state;
     check_.opening.reason = reason;
     contents().curve_order.clear();  // Of no use for a part.
-    return {std::move(check_), std::move(state_), std::move(rows_)};
+    return {std::move(check_), std::move(state_), std::move(notes_)};
   }
   ChainReading corrupt(const std::string& reason) { return refuse(CacheState::Corrupt, reason); }
 
@@ -89,6 +90,10 @@ class Reader {
 
   static bool is(const Block& block, RecordKind kind) {
     return block.header.kind == static_cast<std::uint8_t>(kind);
+  }
+  // Of a layout that is known.
+  bool is_volume(const Block& block) const {
+    return is(block, RecordKind::Volume) && header_.header.volume_order != kNoVolumeRecords;
   }
 
   // The next blocks by their headers alone; `wrong` says why there are no more, unless what follows
@@ -115,15 +120,14 @@ class Reader {
       if (block.count == 0 || block.count > CacheWriter::kBlockRecords)
         return stop("says it holds " + std::to_string(block.count) + " records");
       const std::uint32_t record_bytes =
-          block.kind == static_cast<std::uint8_t>(RecordKind::Row) ? kRowUnitBytes
-          : block.kind >= 1 && block.kind <= kKinds ? header_.record_bytes[block.kind - 1u]
-                                                    : 0;
+          block.kind >= 1 && block.kind <= kKinds ? header_.record_bytes[block.kind - 1u] : 0;
       if (record_bytes == 0)
         return stop("holds records of unknown kind " + std::to_string(block.kind));
       const std::uint64_t payload_bytes = std::uint64_t(block.count) * record_bytes;
       if (payload_bytes > left - kBlockHeaderBytes) return stop("the file ends in it");
       batch.push_back({block, block_header_sum(bytes), payload_bytes});
-      if (!is(batch.back(), RecordKind::Surface) && (block.flags & kOptional) == 0) {
+      const bool is_known = is(batch.back(), RecordKind::Surface) || is_volume(batch.back());
+      if (!is_known && (block.flags & kOptional) == 0) {
         batch.pop_back();
         return stop("holds records that need a newer brume");
       }
@@ -161,19 +165,20 @@ class Reader {
     parallel_for(batch.size() > kBlocksPerThread ? 0 : 1, batch.size(), kBlocksPerThread,
                  [&](std::size_t i) {
                    findings[i] = is(batch[i], RecordKind::Surface)
-                                     ? read_records(batch[i], &records[place[i]])
+                                     ? read_records(batch[i], &records[place[i]], place[i])
                                      : read_other(batch[i], orders[i], others[i]);
                  });
-    for (std::size_t i = 0; i < batch.size(); ++i)
-      if (findings[i].wrong == nullptr && is(batch[i], RecordKind::Row)) add_to_row(batch[i], others[i]);
     for (std::size_t i = 0; i < batch.size(); ++i) {
-      const Finding& found = findings[i];
+      Finding& found = findings[i];
+      if (!found.wrong && is_volume(batch[i])) found = add_volume_records(batch[i], others[i]);
       if (found.wrong) {
         records.resize(place[i]);
         return at(state_.blocks.size(), state_.end, found.wrong);
       }
       if (found.fault && check_.bad_records == 0)
-        first_fault_ = "record " + std::to_string(place[i] + found.first_bad) + ": " + found.fault;
+        first_fault_ = (is_volume(batch[i]) ? "volume record " : "record ") +
+                       std::to_string(found.first_bad) + ": " + found.fault;
+      if (is(batch[i], RecordKind::Note)) add_to_note(batch[i], others[i]);
       check_.bad_records += found.bad_records;
       has_raw_ |= (batch[i].header.flags & kAsGathered) != 0;
       if (is(batch[i], RecordKind::Surface) && (batch[i].header.flags & kBatchEnds) != 0)
@@ -198,7 +203,7 @@ class Reader {
   }
 
   // Sums are no signature: what a valid sum covers is checked all the same.
-  Finding read_records(const Block& block, SurfaceRecord* records) const {
+  Finding read_records(const Block& block, SurfaceRecord* records, std::size_t place) const {
     Finding found;
     found.wrong = fetch_payload(block, records);
     if (found.wrong) return found;
@@ -213,22 +218,56 @@ class Reader {
       last_key = record.key;
       if (const char* fault = record_fault(record)) {
         if (found.bad_records++ == 0) {
-          found.first_bad = i;
+          found.first_bad = place + i;
           found.fault = fault;
         }
       }
     }
-    if (!is_ordered) found.wrong = "its records are not those its header tells of";
+    if (!is_ordered) found.wrong = kNotThose;
+    return found;
+  }
+
+  // A part's are in no order from block to block, as a file's are.
+  Finding add_volume_records(const Block& block, const std::vector<unsigned char>& bytes) {
+    Finding found;
+    VolumeRecords& all = contents().volume;
+    all.order = header_.header.volume_order;
+    const std::size_t first = all.size();
+    const BlockHeader& header = block.header;
+    std::vector<VolumeMoment> moments(all.stride());
+    std::uint64_t last_key = header.first_key;
+    bool is_ordered = true;
+    for (std::size_t i = 0; i < header.count; ++i) {
+      const unsigned char* at = bytes.data() + i * header_.record_bytes[block.header.kind - 1u];
+      VolumeRecord record;
+      std::memcpy(&record, at, sizeof record);
+      std::memcpy(moments.data(), at + sizeof record, moments.size() * sizeof(VolumeMoment));
+      is_ordered &=
+          record.layer() == header.layer && record.wave() == header.wave && record.key >= last_key;
+      last_key = record.key;
+      if (const char* fault = record_fault(record, moments)) {
+        if (found.bad_records++ == 0) {
+          found.first_bad = all.size();
+          found.fault = fault;
+        }
+      }
+      all.push_back(record, moments);
+    }
+    if (!is_ordered || all.records[first].key != header.first_key || last_key != header.last_key) {
+      found.wrong = kNotThose;
+      all.records.resize(first);
+      all.moments.resize(first * all.stride());
+    }
     return found;
   }
 
   Finding read_other(const Block& block, std::vector<std::uint32_t>& order,
-                     std::vector<unsigned char>& row) const {
+                     std::vector<unsigned char>& kept) const {
     std::vector<unsigned char> payload(block.payload_bytes);
     Finding found;
     found.wrong = fetch_payload(block, payload.data());
-    if (!found.wrong && keeps_rows_ && is(block, RecordKind::Row)) {
-      row = std::move(payload);
+    if (!found.wrong && (is_volume(block) || (is(block, RecordKind::Note) && keeps_note(block)))) {
+      kept = std::move(payload);
       return found;
     }
     if (found.wrong || !is(block, RecordKind::Order) ||
@@ -239,15 +278,22 @@ class Reader {
     return found;
   }
 
-  // A row that is not followed to its end is none.
-  void add_to_row(const Block& block, const std::vector<unsigned char>& bytes) {
-    if (!keeps_rows_) return;
-    if (row_key_ != block.header.first_key) row_.clear();
-    row_key_ = block.header.first_key;
-    row_.insert(row_.end(), bytes.begin(), bytes.end());
+  bool keeps_note(const Block& block) const {
+    return keeps_notes_ || block.header.first_key == kKeyOfSolve;
+  }
+
+  // A note that is not followed to its end is none.
+  void add_to_note(const Block& block, const std::vector<unsigned char>& bytes) {
+    if (!keeps_note(block)) return;
+    if (note_key_ != block.header.first_key) note_.clear();
+    note_key_ = block.header.first_key;
+    note_.insert(note_.end(), bytes.begin(), bytes.end());
     if ((block.header.flags & kBatchEnds) == 0) return;
-    rows_.insert_or_assign(row_key_, std::move(row_));
-    row_.clear();
+    if (note_key_ == kKeyOfSolve)
+      contents().solve.assign(note_.begin(), std::find(note_.begin(), note_.end(), 0));
+    else
+      notes_.insert_or_assign(note_key_, std::move(note_));
+    note_.clear();
   }
 
   // Each record once, layer by layer, so that whatever the order, every record is found.
@@ -304,10 +350,10 @@ class Reader {
   HeaderReading header_;
   CacheCheck check_;
   ChainState state_;
-  bool has_raw_ = false, keeps_rows_ = false;
-  std::unordered_map<std::uint64_t, std::vector<unsigned char>> rows_;
-  std::uint64_t row_key_ = 0;
-  std::vector<unsigned char> row_;
+  bool has_raw_ = false, keeps_notes_ = false;
+  std::unordered_map<std::uint64_t, std::vector<unsigned char>> notes_;
+  std::uint64_t note_key_ = 0;
+  std::vector<unsigned char> note_;
   std::string first_fault_;
 };
 

@@ -10,13 +10,13 @@ namespace brume {
 struct ChainReading {
   CacheCheck check;
   ChainState state;
-  std::unordered_map<std::uint64_t, std::vector<unsigned char>> rows;  // By key, if wanted.
+  std::unordered_map<std::uint64_t, std::vector<unsigned char>> notes;  // By key, if wanted.
 };
 
 struct ChainReadingOptions {
   std::optional<Fingerprint> expected{};
   bool stops_at_bad_records = false;
-  bool keeps_rows = false;
+  bool keeps_notes = false;  // Else only that of the solve.
 };
 
 // What `file`, of `bytes` bytes, holds up to the first thing wrong with it.

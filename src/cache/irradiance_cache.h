@@ -56,6 +56,8 @@ class IrradianceCache {
                   std::shared_ptr<const VolumeCache> volume = nullptr);
 
   std::span<const SurfaceRecord> records() const { return records_; }
+  // Records of both kinds.
+  std::size_t size() const { return records_.size() + volume_->size(); }
   // Of the medium. Never null.
   const std::shared_ptr<const VolumeCache>& volume() const { return volume_; }
   const Vec3d& origin() const { return origin_; }
@@ -84,8 +86,9 @@ class IrradianceCache {
 class CacheJournal;
 struct CacheHeader;
 
-// All of `cache` as FILE. Throws what CacheWriter throws.
-void write_cache(const std::filesystem::path& file, const CacheHeader& header,
-                 const IrradianceCache& cache, const CacheJournal* journal = nullptr);
+// All of `cache` as FILE, with CacheContents::solve. Throws what CacheWriter throws.
+void write_cache(const std::filesystem::path& file, CacheHeader header,
+                 const IrradianceCache& cache, const std::string& solve = "",
+                 const CacheJournal* journal = nullptr);
 
 }  // namespace brume

@@ -119,12 +119,22 @@ FilteredCache filter_records(CacheContents contents, const RecordFilter& filter)
       has_gap_on_top |= records[i].layer() == top;
     }
   }
+  // Records of the medium go with the deep ones, all or none.
+  const bool keeps_medium = !filter.layers || filter.layers->contains(kDeepLayer);
+  if (!keeps_medium && contents.volume.size() > 0) {
+    result.dropped += contents.volume.size();
+    lowest_gone = kDeepLayer;
+  }
   result.is_part = filter.is_part || result.dropped > 0;
   if (!result.is_part) {
     result.contents = std::move(contents);
     return result;
   }
   result.contents.header = contents.header;
+  if (keeps_medium) {
+    result.contents.volume = std::move(contents.volume);
+    result.contents.solve = std::move(contents.solve);
+  }
   for (std::size_t i = 0; i < records.size(); ++i) {
     if (!keep[i]) continue;
     result.contents.records.push_back(records[i]);

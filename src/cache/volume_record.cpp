@@ -1,6 +1,7 @@
 #include "cache/volume_record.h"
 
 #include <algorithm>
+#include <cstring>
 #include <limits>
 #include <numeric>
 
@@ -29,6 +30,14 @@ void VolumeRecords::sort() {
   sorted.moments.reserve(to.size() * stride());
   for (const std::uint32_t i : to) sorted.push_back(records[i], moments_of(i));
   *this = std::move(sorted);
+}
+
+bool operator==(const VolumeRecords& a, const VolumeRecords& b) {
+  const auto is_same = [](const auto& x, const auto& y) {
+    return x.size() == y.size() &&
+           (x.empty() || std::memcmp(x.data(), y.data(), x.size() * sizeof(x[0])) == 0);
+  };
+  return a.order == b.order && is_same(a.records, b.records) && is_same(a.moments, b.moments);
 }
 
 const char* record_fault(const VolumeRecord& r, std::span<const VolumeMoment> moments) {

@@ -60,6 +60,8 @@ struct VolumeRecords {
   void push_back(const VolumeRecord& record, std::span<const VolumeMoment> its);
   // Into VolumeRecordOrder, one of each key in a layer.
   void sort();
+  // In every bit.
+  friend bool operator==(const VolumeRecords& a, const VolumeRecords& b);
 };
 
 // What is wrong with a record's values, or null: finite, fluence not negative, positive radii, unit

@@ -21,7 +21,7 @@ struct BakeOptions {
   SizeOptions size;
   CacheOptions cache;
   std::vector<std::string> views;
-  bool everywhere = false;
+  bool everywhere = false, deep_only = false;
   std::optional<Shard> shard;
   std::optional<double> time_limit, seal_interval;
   std::optional<std::uint64_t> record_limit;
@@ -32,11 +32,12 @@ BakeRequest make_request(const BakeOptions& options, const Scene& scene,
                          const CommandContext& context, Progress& progress) {
   BakeRequest request;
   request.everywhere = options.everywhere;
+  request.deep_only = options.deep_only;
   request.threads = context.threads;
   request.shard = options.shard.value_or(Shard());
   request.record_limit = options.record_limit.value_or(request.record_limit);
   request.progress = progress.callback();
-  if (options.everywhere) return request;
+  if (options.everywhere || options.deep_only) return request;
   const Size2 size = options.size.resolved(scene.film);
   const auto& names = options.views;
   for (const std::string& name : names.empty() ? std::vector<std::string>{""} : names)
@@ -117,6 +118,10 @@ int bake_scene(const BakeOptions& options, const CommandContext& context) {
   const StopRequest stop(options.time_limit);
   if (options.everywhere && !options.views.empty())
     throw Error(ErrorKind::Usage, "--everywhere: needs no views: leave out --views");
+  if (options.deep_only && (options.everywhere || !options.views.empty() || options.shard))
+    throw Error(ErrorKind::Usage,
+                "--deep-only: covers no views and is one piece: leave out --views, --everywhere and "
+                "--shard");
   if (!options.cache.file.empty())
     check_writable(with_frame(options.cache.file, options.scene.load.frame));
   if (!context.stats_file.empty()) check_writable(context.stats_file);
@@ -140,7 +145,7 @@ int bake_scene(const BakeOptions& options, const CommandContext& context) {
       statistics.timed("coverage", [&] { return session.needs_bake(world, request); });
   if (!needs_bake) {
     statistics.effects = plan_effects(world, settings.bounces, settings.volume_bounces).names();
-    statistics.records = session.existing()->records().size();
+    statistics.records = session.existing()->size();
     if (!session.may_bake()) require_coverage(world, settings, session, request, statistics);
     report(context, session, statistics, false);
     return 0;
@@ -148,10 +153,10 @@ int bake_scene(const BakeOptions& options, const CommandContext& context) {
   session.begin(world, journal_options(options, context), request);
   request.stop_requested = stop;
   request.snapshot_requested = SignalWatch::take_hangup;
-  request.snapshot = [&](std::shared_ptr<const IrradianceCache> cache) {
-    session.save_snapshot(*cache);
+  request.snapshot = [&](std::shared_ptr<const IrradianceCache> cache, const DeepStats& deep) {
+    session.save_snapshot(*cache, deep);
     context.note(printable(session.file().string()) + ": " +
-                 std::to_string(cache->records().size()) + " records so far");
+                 std::to_string(cache->size()) + " records so far");
   };
   const Lighting lighting = statistics.timed(
       "lighting", [&] { return Lighting(world, lighting_options(settings, context)); });
@@ -160,7 +165,7 @@ int bake_scene(const BakeOptions& options, const CommandContext& context) {
   const BakeResult baked = statistics.timed(
       "bake", [&] { return bake(lighting, settings, request, session.existing().get()); });
   statistics.add_bake(baked.stats);
-  statistics.records = baked.cache->records().size();
+  statistics.records = baked.cache->size();
   statistics.describe(baked.deep);
   if (!baked.is_stopped) progress.finish();
   const bool is_saved = statistics.timed("write", [&] { return session.save(baked, request); });
@@ -223,6 +228,10 @@ void add_bake_command(CLI::App& app, CommandContext& context) {
       ->group("Frame");
   verb->add_flag("--everywhere", options->everywhere, "Covers all surfaces, whatever sees them")
       ->group("Frame");
+  verb->add_flag("--deep-only", options->deep_only,
+                 "Only the deep records, solved for all bounces, that every view and shard begins "
+                 "with: copy the cache, and bake them into the copies")
+      ->group("Frame");
   add_size_options(*verb, context, options->size);
   add_work_options(*verb, context, *options);
   add_accuracy_options(*verb, context, options->accuracy);
@@ -231,6 +240,7 @@ void add_bake_command(CLI::App& app, CommandContext& context) {
   brume bake shot.json -o shot.irc --views left,right --cache-mode append
   brume bake room.json -o room.irc --everywhere --preset high
   brume bake shot.json -o shard3.irc --shard 3/16
+  brume bake shot.json -o deep.irc --deep-only
 
 A bake that is ended, whatever ends it, is gone on with by the same command: what was sealed beside the
 cache, in FILE.part, is not baked again. USR1, TERM and INT write what there is and end it (exit code 75);

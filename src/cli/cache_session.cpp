@@ -52,7 +52,8 @@ bool has_unfinished(const IrradianceCache& cache) {
 bool has_same_records(const IrradianceCache& a, const IrradianceCache& b) {
   return a.records().size() == b.records().size() &&
          (a.records().empty() ||
-          std::memcmp(a.records().data(), b.records().data(), a.records().size_bytes()) == 0);
+          std::memcmp(a.records().data(), b.records().data(), a.records().size_bytes()) == 0) &&
+         a.volume()->all() == b.volume()->all();
 }
 
 bool holds_shard(const ShardSet& shards, const BakeRequest& request) {
@@ -125,8 +126,14 @@ BakeSettings read_bake_settings(const std::string& json, const fs::path& file) {
   return s;
 }
 
+IrradianceCache cache_of(CacheContents& contents) {
+  const Vec3d& origin = contents.header.origin;
+  return {std::move(contents.records), origin, contents.curve_order,
+          std::make_shared<VolumeCache>(std::move(contents.volume), origin)};
+}
+
 OpenedCache open_cache_of_world(const fs::path& file, const World& world) {
-  const CacheOpening opening = open_cache(file, std::nullopt);
+  CacheOpening opening = open_cache(file, std::nullopt);
   if (opening.state != CacheState::Loaded)
     throw Error(ErrorKind::InvalidInput, refusal(file, opening, "bake it again with `brume bake`"));
   const CacheHeader& header = opening.contents.header;
@@ -137,8 +144,7 @@ OpenedCache open_cache_of_world(const fs::path& file, const World& world) {
         printable(file.string()) +
             ": stale: geometry, materials, lights or media are not those it was baked from: "
             "name its own scene, or bake it again");
-  return {header, settings,
-          IrradianceCache(opening.contents.records, header.origin, opening.contents.curve_order)};
+  return {header, settings, cache_of(opening.contents)};
 }
 
 CacheSession::CacheSession(const CacheSettings& choice, const World& world,
@@ -147,12 +153,6 @@ CacheSession::CacheSession(const CacheSettings& choice, const World& world,
       mode_(choice.mode),
       settings_(settings),
       fingerprint_(bake_fingerprint(world, settings)) {
-  if (!file_.empty() && settings.volume_bounces > 1)
-    throw Error(ErrorKind::InvalidInput,
-                printable(file_.string()) + ": /render/volume_bounces: " +
-                    std::to_string(settings.volume_bounces) +
-                    " scatterings in the medium cannot be kept in a file yet: render without a "
-                    "cache file, or use 0, 1 or auto");
   if (!file_.empty() && mode_ != CacheMode::New) read();
 }
 
@@ -162,8 +162,8 @@ void CacheSession::read() {
   switch (opening.state) {
     case CacheState::Loaded: {
       CacheContents& contents = opening.contents;
-      existing_ = std::make_shared<IrradianceCache>(std::move(contents.records),
-                                                    contents.header.origin, contents.curve_order);
+      solve_ = contents.solve;
+      existing_ = std::make_shared<IrradianceCache>(cache_of(contents));
       shards_ = contents.header.shards;
       is_on_disk_ = true;
       return;
@@ -197,6 +197,8 @@ CacheHeader CacheSession::header(const Vec3d& origin) const {
 
 bool CacheSession::needs_bake(const World& world, const BakeRequest& request) const {
   if (mode_ != CacheMode::Missing || !existing_ || has_part(file_)) return may_bake();
+  if (needs_deep_bake(world, settings_, existing_.get())) return true;
+  if (request.deep_only) return false;
   if (request.shard.count > 1 && shards_.count > 0) return !holds_shard(shards_, request);
   if (shards_.count > 0 || has_unfinished(*existing_)) return true;
   return measure_coverage(world, settings_, *existing_, request).uncovered > 0;
@@ -225,16 +227,17 @@ bool CacheSession::save(const BakeResult& baked, const BakeRequest& request) {
     // The last of them: what one process would have made.
     std::vector<SurfaceRecord> records(cache->records().begin(), cache->records().end());
     mark_finished(records);
-    cache = std::make_shared<IrradianceCache>(std::move(records), cache->origin());
+    cache = std::make_shared<IrradianceCache>(std::move(records), cache->origin(),
+                                              std::span<const std::uint32_t>(), cache->volume());
   } else {
     file_header.shards = shards;
   }
   const bool is_changed =
       !existing_ || !has_same_records(*existing_, *cache) || shards_ != file_header.shards;
   // A stopped bake that has nothing yet makes no cache of that, and replaces none by it.
-  const bool is_written = is_changed && !(baked.is_stopped && cache->records().empty());
+  const bool is_written = is_changed && !(baked.is_stopped && cache->size() == 0);
   if (is_written) {
-    write_cache(file_, file_header, *cache, journal_.get());
+    write_cache(file_, file_header, *cache, solve(baked.deep), journal_.get());
     is_on_disk_ = true;
   }
   if (baked.is_stopped)
@@ -244,10 +247,14 @@ bool CacheSession::save(const BakeResult& baked, const BakeRequest& request) {
   return is_written;
 }
 
-void CacheSession::save_snapshot(const IrradianceCache& cache) const {
+std::string CacheSession::solve(const DeepStats& deep) const {
+  return deep.is_solved() ? deep.to_json() : solve_;
+}
+
+void CacheSession::save_snapshot(const IrradianceCache& cache, const DeepStats& deep) const {
   CacheHeader file_header = header(cache.origin());
   file_header.shards = shards_;
-  write_cache(file_, file_header, cache, journal_.get());
+  write_cache(file_, file_header, cache, solve(deep), journal_.get());
 }
 
 std::optional<fs::path> CacheSession::checkpoint() const {

@@ -22,6 +22,9 @@ struct OpenedCache {
   IrradianceCache cache;
 };
 
+// Both kinds of records; takes them from `contents`.
+IrradianceCache cache_of(CacheContents& contents);
+
 // Settings as BakeSettings::to_json() wrote them. Throws Error(InvalidInput) naming `file` for
 // others.
 BakeSettings read_bake_settings(const std::string& json, const std::filesystem::path& file);
@@ -60,12 +63,14 @@ class CacheSession {
   // otherwise the file is untouched. A stopped bake also keeps its journal.
   bool save(const BakeResult& baked, const BakeRequest& request);
   // What a bake has so far, while it goes on.
-  void save_snapshot(const IrradianceCache& cache) const;
+  void save_snapshot(const IrradianceCache& cache, const DeepStats& deep) const;
   // A file of this session, if not its cache then its journal, that the same command goes on from.
   std::optional<std::filesystem::path> checkpoint() const;
 
  private:
   void read();
+  // CacheContents::solve: of this bake, or what the file said.
+  std::string solve(const DeepStats& deep) const;
   CacheHeader header(const Vec3d& origin) const;
 
   std::filesystem::path file_;
@@ -73,7 +78,8 @@ class CacheSession {
   BakeSettings settings_;
   Fingerprint fingerprint_;
   std::shared_ptr<const IrradianceCache> existing_;
-  ShardSet shards_;  // Of the existing cache.
+  ShardSet shards_;    // Of the existing cache.
+  std::string solve_;  // Too.
   FileIdentity identity_;
   std::unique_ptr<CacheJournal> journal_;
   bool is_on_disk_ = false;  // A cache of ours is there under the name.

@@ -77,6 +77,11 @@ int convert(const ConvertOptions& options, const CommandContext& context) {
                                                          : read_cache_contents(options.input);
   Json result = Json::object();
   std::size_t count = contents.records.size();
+  if (target != Target::Cache && contents.volume.size() > 0)
+    context.warn(printable(options.output.string()) + ": without the " +
+                 std::to_string(contents.volume.size()) +
+                 " records of the medium: only .irc holds them");
+  if (target == Target::Cache) count += contents.volume.size();
   switch (target) {
     case Target::Cache:
       write_cache_contents(options.output, std::move(contents));
@@ -138,7 +143,8 @@ void add_convert_command(CLI::App& app, CommandContext& context) {
   of_points(add_number(*verb, "--voxel", options->voxel, 1e-6, 1e6,
                        "With --splat: size of a voxel in scene units"));
   verb->footer(
-      R"(Text keeps every bit: from CSV or JSON lines the same cache comes back. Points have their normals,
+      R"(Text keeps every bit of surface records: from CSV or JSON lines the same cache comes back. Records of the
+medium stay in caches. Points have their normals,
 colours, radii, gradients and errors as attributes (docs/exchange.md).
 
 Examples:

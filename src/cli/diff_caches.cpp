@@ -66,6 +66,7 @@ Json difference_json(const CacheContents& a, const CacheContents& b, const Metri
   object["same_fingerprint"] = a.header.fingerprint == b.header.fingerprint;
   object["fingerprints"] = {a.header.fingerprint.hex(), b.header.fingerprint.hex()};
   object["same_origin"] = a.header.origin == b.header.origin;
+  object["same_volume_records"] = a.volume == b.volume;
   object["settings"] = settings_difference(a.header, b.header);
   return object;
 }
@@ -84,6 +85,9 @@ void print_difference(std::ostream& out, const CacheContents& a, const CacheCont
     out << "settings      " << printable(key) << ": " << printable(values["a"].dump()) << " and "
         << printable(values["b"].dump()) << '\n';
   if (a.header.origin != b.header.origin) out << "origins       different\n";
+  if (a.volume.size() + b.volume.size() > 0)
+    out << "medium        " << (a.volume == b.volume ? "equal" : "different") << " records: "
+        << a.volume.size() << " and " << b.volume.size() << "; values compare surface records\n";
   std::vector<std::vector<std::string>> rows;
   for (const auto& [name, value] : metrics)
     rows.push_back({name, value ? shown_number(*value) : "-"});

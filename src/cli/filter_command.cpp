@@ -95,8 +95,11 @@ CacheContents read_input(const FilterOptions& options, const CommandContext& con
   CacheContents contents = std::move(check.opening.contents);
   // Deep records are all there or none of them counts: they come first, so without top records some
   // may be lost.
-  if (!contents.records.empty() && contents.records.back().layer() != kTopLayer)
+  if (contents.records.empty() || contents.records.back().layer() != kTopLayer) {
     contents.records.clear();
+    contents.volume = {};
+    contents.solve.clear();
+  }
   return contents;
 }
 
@@ -105,13 +108,13 @@ int filter(const FilterOptions& options, const CommandContext& context) {
   CacheContents contents = read_input(options, context);
   // A damaged cache is a part whatever its records say: some of them may be missing.
   const bool is_whole = contents.is_complete;
-  const std::size_t before = contents.records.size();
+  const std::size_t before = contents.records.size() + contents.volume.size();
   RecordFilter choice = options.filter;
   choice.spacing = options.spacing;
   choice.top_layer = kTopLayer;
   choice.is_part = !is_whole;
   FilteredCache filtered = filter_records(std::move(contents), choice);
-  const std::size_t kept = filtered.contents.records.size();
+  const std::size_t kept = filtered.contents.records.size() + filtered.contents.volume.size();
   write_cache_contents(options.output, std::move(filtered.contents));
 
   const std::string output = printable(options.output.string());
@@ -139,8 +142,8 @@ void add_criteria(CLI::App& verb, FilterOptions& options) {
   criterion(add_parsed(verb, "--box", "X0,Y0,Z0,X1,Y1,Z1", filter.box, parse_box,
                        "Between these corners, in scene units"));
   criterion(add_parsed(verb, "--layer", "A[:B]", filter.layers, parse_integers,
-                       "Of these layers (0: deep records, that gathers ask; 1: top records, that eye "
-                       "rays ask) and none of others (default: the criteria choose among top "
+                       "Of these layers (0: deep records, that gathers ask, with those of the medium "
+                       "as they are; 1: top records, that eye rays ask) and none of others (default: the criteria choose among top "
                        "records, and deep ones stay whole)"));
   criterion(add_parsed(verb, "--wave", "A[:B]", filter.waves, parse_integers, "Of these waves"));
   criterion(add_parsed(verb, "--radius", "A[:B]", filter.radius, parse_numbers,

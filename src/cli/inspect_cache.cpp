@@ -68,7 +68,8 @@ struct Histogram {
 };
 
 struct Summary {
-  std::map<int, std::map<int, std::size_t>> counts;  // By layer, by wave.
+  std::map<int, std::map<int, std::size_t>> counts;  // Of surfaces: by layer, by wave.
+  std::map<int, std::size_t> volume_counts;          // By wave.
   std::size_t unfinished = 0;                        // Of a stopped bake, of shards, or what a filter left.
   std::optional<Box3d> bounds;                       // World space.
   std::vector<double> radii, relative_errors, gradients;
@@ -76,18 +77,24 @@ struct Summary {
 
 Summary summarise(const CacheContents& contents) {
   Summary summary;
+  const auto extend = [&](const float* position) {
+    const Vec3d p = contents.header.origin + vector(position);
+    if (!is_finite(p)) return;
+    if (!summary.bounds) summary.bounds.emplace();
+    summary.bounds->extendBy(p);
+  };
   for (const SurfaceRecord& record : contents.records) {
     ++summary.counts[record.layer()][record.wave()];
     summary.unfinished += (record.flags & kUnfinishedViewFlag) != 0;
-    const Vec3d p = contents.header.origin + vector(record.position);
-    if (is_finite(p)) {
-      if (!summary.bounds) summary.bounds.emplace();
-      summary.bounds->extendBy(p);
-    }
+    extend(record.position);
     const double light = luminance(irradiance_of(record));
     summary.radii.push_back(std::sqrt(double(record.radius[0]) * record.radius[1]));
     summary.relative_errors.push_back(record.error == 0 ? 0 : record.error / light);
     summary.gradients.push_back(luminance(gradient_of(record)).length());
+  }
+  for (const VolumeRecord& record : contents.volume.records) {
+    ++summary.volume_counts[record.wave()];
+    extend(record.position);
   }
   return summary;
 }
@@ -244,6 +251,44 @@ void print_answers(std::ostream& out, const Answers& answers, const IrradianceCa
   print_table(out, rows);
 }
 
+std::string shown_waves(const std::map<int, std::size_t>& waves) {
+  std::size_t total = 0;
+  std::string by_wave;
+  for (const auto& [wave, count] : waves) {
+    total += count;
+    by_wave += (by_wave.empty() ? "" : ", ") + std::to_string(wave) + ": " + std::to_string(count);
+  }
+  return std::to_string(total) + " records; by wave " + by_wave;
+}
+
+// How the light of deep records was solved for; null where the file tells nothing.
+Json solve_json(const CacheContents& contents) {
+  const Json solve = Json::parse(contents.solve, nullptr, false);
+  return solve.is_object() ? solve : Json(nullptr);
+}
+
+void print_solve(std::ostream& out, const CacheContents& contents) {
+  const Json solve = solve_json(contents);
+  if (solve.is_null()) return;
+  const auto number = [&](const char* key) {
+    return solve.contains(key) && solve[key].is_number() ? shown_number(solve[key]) : "?";
+  };
+  print_row(out, "solve",
+            number("orders") + " orders, ratio " + number("ratio") + ", rest below " +
+                number("truncation_bound") + " of the light at every record");
+  if (solve.contains("changes") && solve["changes"].is_array()) {
+    std::string changes;
+    for (const Json& change : solve["changes"])
+      if (change.is_number())
+        changes += (changes.empty() ? "" : ", ") + shown_number(100 * double(change));
+    if (!changes.empty()) print_row(out, "changes", changes + " % of the light, order by order");
+  }
+  if (number("scatterings") != "0")
+    print_row(out, "scatterings",
+              number("scatterings") + " between two orders" +
+                  (solve.value("accelerated", false) ? ", the rest by GMRES" : ""));
+}
+
 void print_summary(std::ostream& out, const std::filesystem::path& file, const CacheCheck& check,
                    const Summary& summary) {
   const CacheContents& contents = check.opening.contents;
@@ -257,7 +302,8 @@ void print_summary(std::ostream& out, const std::filesystem::path& file, const C
     print_row(out, "bounds",
               shown_vector(summary.bounds->min) + "  to  " + shown_vector(summary.bounds->max));
   print_row(out, "records",
-            std::to_string(contents.records.size()) + " on surfaces, 0 in volumes, in " +
+            std::to_string(contents.records.size()) + " on surfaces, " +
+                std::to_string(contents.volume.size()) + " in volumes, in " +
                 std::to_string(contents.sealed_blocks) + " blocks");
   if (summary.unfinished > 0)
     print_row(out, "part",
@@ -272,17 +318,12 @@ void print_summary(std::ostream& out, const std::filesystem::path& file, const C
   print_row(out, "valid bytes",
             std::to_string(check.valid_bytes) + " of " + std::to_string(check.file_bytes) +
                 (contents.is_complete ? ", complete" : ""));
-  for (const auto& [layer, waves] : summary.counts) {
-    std::size_t total = 0;
-    std::string by_wave;
-    for (const auto& [wave, count] : waves) {
-      total += count;
-      by_wave +=
-          (by_wave.empty() ? "" : ", ") + std::to_string(wave) + ": " + std::to_string(count);
-    }
-    print_row(out, "layer " + std::to_string(layer),
-              std::to_string(total) + " records; by wave " + by_wave);
-  }
+  for (const auto& [layer, waves] : summary.counts)
+    print_row(out, "layer " + std::to_string(layer), shown_waves(waves));
+  if (contents.volume.size() > 0)
+    print_row(out, "medium", shown_waves(summary.volume_counts) + "; moments up to order " +
+                                 std::to_string(contents.volume.order));
+  print_solve(out, contents);
 }
 
 Json summary_json(const CacheCheck& check, const Summary& summary) {
@@ -290,8 +331,9 @@ Json summary_json(const CacheCheck& check, const Summary& summary) {
   Json object = Json::object();
   object["format_version"] = kCacheFormatVersion;
   object["format_minor"] = contents.header.format_minor;
-  object["record_count"] = contents.records.size();
-  object["records"] = {{"surface", contents.records.size()}, {"volume", 0}};
+  object["record_count"] = contents.records.size() + contents.volume.size();
+  object["records"] = {{"surface", contents.records.size()}, {"volume", contents.volume.size()}};
+  object["solve"] = solve_json(contents);
   object["fingerprint"] = contents.header.fingerprint.hex();
   object["creator"] = printable(contents.header.creator);
   object["settings"] = settings_json(contents.header.settings);
@@ -313,6 +355,10 @@ Json summary_json(const CacheCheck& check, const Summary& summary) {
   for (const auto& [layer, waves] : summary.counts)
     for (const auto& [wave, count] : waves)
       object["layers"].push_back({{"layer", layer}, {"wave", wave}, {"records", count}});
+  object["volume_order"] = contents.header.volume_order;
+  object["volume_waves"] = Json::array();
+  for (const auto& [wave, count] : summary.volume_counts)
+    object["volume_waves"].push_back({{"wave", wave}, {"records", count}});
   object["histograms"] = {{"radius", histogram_json(Histogram(summary.radii))},
                           {"relative_error", histogram_json(Histogram(summary.relative_errors))},
                           {"gradient", histogram_json(Histogram(summary.gradients))}};
@@ -381,7 +427,7 @@ int inspect_cache(const std::filesystem::path& file, const InspectCacheOptions& 
   if (options.records && (range.first > range.second || range.first > count))
     throw Error(ErrorKind::Usage, "--records: " + std::to_string(range.first) + ":" +
                                       std::to_string(range.second) + " is no range of the " +
-                                      std::to_string(count) + " records");
+                                      std::to_string(count) + " surface records");
   range.second = std::min(range.second, count);
 
   std::optional<IrradianceCache> cache;

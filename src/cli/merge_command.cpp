@@ -36,20 +36,22 @@ int merge(const MergeOptions& options, const CommandContext& context) {
   for (const std::string& file : options.files) inputs.push_back(read_input(file));
   MergedCache merged = merge_caches(inputs);
   inputs.clear();
-  const IrradianceCache cache(std::move(merged.records), merged.header.origin);
-  write_cache(options.output, merged.header, cache);
+  const IrradianceCache cache(
+      std::move(merged.records), merged.header.origin, {},
+      std::make_shared<VolumeCache>(std::move(merged.volume), merged.header.origin));
+  write_cache(options.output, merged.header, cache, merged.solve);
 
   const std::vector<std::uint32_t> missing = merged.shards.missing();
   const std::string file = printable(options.output.string());
   if (context.json) {
     Json all = Json::object();
-    all["records"] = cache.records().size();
+    all["records"] = cache.size();
     all["repeated"] = merged.repeated;
     all["fingerprint"] = merged.header.fingerprint.hex();
     all["shards"] = {{"count", merged.shards.count}, {"missing", missing}};
     print_json(context, all);
   }
-  context.note(file + ": " + std::to_string(cache.records().size()) + " records from " +
+  context.note(file + ": " + std::to_string(cache.size()) + " records from " +
                std::to_string(options.files.size()) + " caches, " +
                std::to_string(merged.repeated) + " of them repeated");
   if (!missing.empty())

@@ -112,12 +112,12 @@ BakeResult bake_deeper_light(const Lighting& lighting, const BakeSettings& setti
                              const CommandContext& context, Statistics& statistics) {
   Progress progress(context);
   BakeRequest request;
-  request.everywhere = true;
+  request.deep_only = true;
   request.threads = context.threads;
   request.progress = progress.callback();
   request.stop_requested = SignalWatch::stop_requested;
   BakeResult baked = statistics.timed(
-      "bake", [&] { return bake_deep(lighting, settings, request, nullptr); });
+      "bake", [&] { return bake(lighting, settings, request, nullptr); });
   statistics.add_bake(baked.stats);
   if (!baked.is_stopped) progress.finish();
   return baked;
@@ -318,7 +318,7 @@ int probe(const ProbeOptions& options, const CommandContext& context) {
     if (baked.is_stopped) return end_stopped_run(context, SignalWatch::signal(), {});
     deeper = baked.cache;
   }
-  statistics.records = deeper->records().size();
+  statistics.records = deeper->size();
 
   const GatherOptions gather = options.accuracy.bake_settings(settings).gather;
   const Answers answers = statistics.timed("gather", [&] {

@@ -135,21 +135,19 @@ int RenderRun::bake_view(const Lighting& lighting, const BakeSettings& settings,
   request.threads = context_.threads;
   request.progress = progress_.callback();
   request.stop_requested = SignalWatch::stop_requested;
+  request.deep_only = options_.gather_everywhere;
   const World& world = lighting.world();
   if (!statistics_.timed("coverage", [&] { return session.needs_bake(world, request); })) return 0;
   session.begin(world, {}, request);
   if (session.has_file()) {
     request.snapshot_requested = SignalWatch::take_hangup;
-    request.snapshot = [&](std::shared_ptr<const IrradianceCache> cache) {
-      session.save_snapshot(*cache);
+    request.snapshot = [&](std::shared_ptr<const IrradianceCache> cache, const DeepStats& deep) {
+      session.save_snapshot(*cache, deep);
     };
   }
   cache_ = session.existing();
-  const BakeResult baked = statistics_.timed("bake", [&] {
-    return options_.gather_everywhere
-               ? bake_deep(lighting, settings, request, cache_.get())
-               : bake(lighting, settings, request, cache_.get());
-  });
+  const BakeResult baked = statistics_.timed(
+      "bake", [&] { return bake(lighting, settings, request, cache_.get()); });
   statistics_.add_bake(baked.stats);
   statistics_.describe(baked.deep);
   cache_ = baked.cache;
@@ -158,7 +156,7 @@ int RenderRun::bake_view(const Lighting& lighting, const BakeSettings& settings,
   if (is_saved)
     context_.note(printable(session.file().string()) + ": " +
                   std::to_string(baked.stats.records_added) + " records added, " +
-                  std::to_string(cache_->records().size()) + " in all");
+                  std::to_string(cache_->size()) + " in all");
   if (!baked.is_stopped) return 0;
   return end_stopped_run(context_, SignalWatch::signal(), session.checkpoint().value_or(""));
 }
@@ -173,7 +171,7 @@ int RenderRun::render_with_records(const World& world, const CameraRays& rays) {
   watch_.remember();
   if (const int stopped = bake_view(lighting, settings, session)) return stopped;
   cache_fingerprint_ = session.fingerprint();
-  statistics_.records = cache_->records().size();
+  statistics_.records = cache_->size();
 
   CachedRenderOptions render;
   samples_ = render.samples = options_.sample_count();

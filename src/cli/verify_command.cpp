@@ -76,7 +76,7 @@ void save(const VerifyCommandOptions& options, const VerifyOptions& used, const 
           const Verification& v) {
   Json all = Json::object();
   all["fingerprint"] = opened.header.fingerprint.hex();
-  all["records"] = opened.cache.records().size();
+  all["records"] = opened.cache.size();
   all["settings"] = settings_json(opened.header.settings);
   all["cells"] = {used.cells_theta, used.cells_phi};
   all["seed"] = used.seed;
@@ -111,7 +111,7 @@ int verify(const VerifyCommandOptions& options, const CommandContext& context) {
   const Verification v = statistics.timed("verify", [&] {
     return verify_cache(lighting, opened.settings, opened.cache, verify_options);
   });
-  statistics.records = opened.cache.records().size();
+  statistics.records = opened.cache.size();
   Json result = verification_json(v);
   result["seconds"] = v.seconds;
   statistics.details["verification"] = result;

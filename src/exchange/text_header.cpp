@@ -33,6 +33,7 @@ std::string text_header_line(const CacheContents& contents) {
   object["settings"] = header.settings;
   object["creator"] = header.creator;
   object["records"] = contents.records.size();
+  if (!contents.solve.empty()) object["solve"] = contents.solve;
   if (header.shards.count > 0)
     object["shards"] = {{"request", header.shards.request},
                         {"count", header.shards.count},
@@ -104,6 +105,7 @@ TextHeader parse_text_header(const std::string& line, const std::string& place) 
     }
     if (!header.shards.is_valid()) refuse("shards are not parts of one bake");
   }
+  if (object.contains("solve")) result.solve = text("solve");
   result.has_lookup_order = object.value("lookup_order", Json(false)) == Json(true);
   if (object.contains("records")) {
     if (!object["records"].is_number_unsigned()) refuse("records is no count");

@@ -50,14 +50,14 @@ GatherOptions with_cells(GatherOptions options, int cells_theta) {
 BakeResult bake_layers_below(const StudyScene& scene, const std::string& stage,
                              const StudyRun& run) {
   BakeRequest request;
-  request.everywhere = true;
+  request.deep_only = true;
   request.threads = run.threads;
   request.stop_requested = run.stop_requested;
   if (run.progress)
     request.progress = [&](const std::string& inner, double fraction) {
       run.progress(stage + ", " + inner, fraction);
     };
-  BakeResult baked = bake_deep(scene.lighting(), scene.settings(), request, nullptr);
+  BakeResult baked = bake(scene.lighting(), scene.settings(), request, nullptr);
   run.check_stop();
   return baked;
 }

@@ -26,7 +26,8 @@ class Stage {
     settings_.volume_bounces = kEveryOrder;
     BakeRequest request;
     request.threads = 2;
-    deep_ = bake_deep(lighting_, settings_, request, nullptr);
+    request.deep_only = true;
+    deep_ = bake(lighting_, settings_, request, nullptr);
   }
   std::size_t volume_records() const { return deep_.deep.volume_records; }
   double truncation_bound() const { return deep_.deep.truncation_bound; }

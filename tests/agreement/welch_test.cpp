@@ -73,9 +73,10 @@ void expect_same_means(const Scene& scene, const Camera& camera, int path_sample
   Stage stage(scene, settings);
   BakeRequest request;
   request.threads = 2;
+  request.deep_only = true;
   for (int i = 0; i < kSeeds; ++i) {
     stage.settings.seed = 1000 + i;
-    const BakeResult deeper = bake_deep(stage.lighting, stage.settings, request, nullptr);
+    const BakeResult deeper = bake(stage.lighting, stage.settings, request, nullptr);
     CachedRenderOptions options;
     options.samples = 2;
     options.threads = 2;

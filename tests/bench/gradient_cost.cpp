@@ -30,8 +30,8 @@ int main(int argc, char** argv) {
   const BakeSettings settings = settings_of(scene.render);
   const Lighting lighting(world, {});
   BakeRequest request;
-  request.everywhere = true;
-  const BakeResult deeper = bake_deep(lighting, settings, request, nullptr);
+  request.deep_only = true;
+  const BakeResult deeper = bake(lighting, settings, request, nullptr);
   const HitLight below = light_below(*deeper.cache, settings, world, 0);
   const Effects effects = plan_effects(world, settings.bounces, settings.volume_bounces);
 

@@ -9,6 +9,7 @@
 #include <csignal>
 #include <cstring>
 
+#include "cache/cache_copy.h"
 #include "cache/irradiance_cache.h"
 #include "core/error.h"
 #include "sample_records.h"
@@ -89,17 +90,71 @@ TEST(CacheFile, EarlierVersionsStayReadable) {
   read_golden("cache_v1.irc", &header);
   EXPECT_EQ(header.format_minor, 0);
   EXPECT_EQ(header.shards, ShardSet());
+  read_golden("cache_v1_1.irc", &header);
+  EXPECT_EQ(header.format_minor, 1);
+  EXPECT_EQ(header.shards, sample_shards());
+}
+
+// Deep and top records, and some of the medium.
+IrradianceCache sample_cache(const VolumeRecords& volume) {
+  std::vector<SurfaceRecord> records = sample_records(60, kDeepLayer);
+  for (const SurfaceRecord& r : sample_records(40, kTopLayer, 128)) records.push_back(r);
+  const Vec3d origin = sample_header().origin;
+  return {records, origin, {}, std::make_shared<VolumeCache>(volume, origin)};
 }
 
 TEST(CacheFile, ThisVersionStillWritesTheSameBytes) {
-  const auto golden = std::filesystem::path(BRUME_SOURCE_DIR) / "tests/golden/cache_v1_1.irc";
-  CacheHeader header;
-  const std::vector<SurfaceRecord> records = read_golden("cache_v1_1.irc", &header);
-  EXPECT_EQ(header.format_minor, 1);
-  EXPECT_EQ(header.shards, sample_shards());
+  const auto golden = std::filesystem::path(BRUME_SOURCE_DIR) / "tests/golden/cache_v1_2.irc";
+  CacheHeader header = sample_header();
+  header.shards = sample_shards();
   const ScratchFolder folder;
-  write_cache(folder / "a.irc", header, IrradianceCache(records, header.origin));
+  write_cache(folder / "a.irc", header, sample_cache(sample_volume_records(20, 1)), kSampleSolve);
   EXPECT_EQ(read_bytes(folder / "a.irc"), read_bytes(golden));
+  EXPECT_EQ(open_cache(golden, {}).contents.header.format_minor, 2);
+}
+
+TEST(CacheFile, RecordsOfTheMediumComeBackAtEveryOrder) {
+  const ScratchFolder folder;
+  for (int order = 0; order <= kMaxHarmonicOrder; ++order) {
+    VolumeRecords volume = sample_volume_records(9000, order);  // Two blocks, and a wave more.
+    const VolumeRecords later = sample_volume_records(70, order, 3);
+    for (std::size_t i = 0; i < later.size(); ++i)
+      volume.push_back(later.records[i], later.moments_of(i));
+    write_cache(folder / "a.irc", sample_header(), sample_cache(volume), kSampleSolve);
+    const CacheOpening opening = open_cache(folder / "a.irc", sample_header().fingerprint);
+    ASSERT_EQ(opening.state, CacheState::Loaded) << opening.reason;
+    EXPECT_EQ(opening.contents.header.volume_order, order);
+    EXPECT_TRUE(opening.contents.volume == volume) << order;
+    EXPECT_EQ(opening.contents.solve, kSampleSolve);
+    write_cache_contents(folder / "b.irc", opening.contents);
+    EXPECT_TRUE(read_bytes(folder / "a.irc") == read_bytes(folder / "b.irc"));
+  }
+}
+
+TEST(CacheFile, AFileCutAfterAnyTopRecordHoldsAllDeepOnes) {
+  const ScratchFolder folder;
+  const VolumeRecords volume = sample_volume_records(300, 2);
+  write_cache(folder / "a.irc", sample_header(), sample_cache(volume), kSampleSolve);
+  const std::string whole = read_bytes(folder / "a.irc");
+  int cut_in_medium = 0;
+  for (std::size_t size = 4096; size < whole.size(); size += 512) {
+    write_bytes(folder / "b.irc", whole.substr(0, size));
+    const CacheContents held = check_cache(folder / "b.irc").opening.contents;
+    ASSERT_LE(held.volume.size(), volume.size());
+    cut_in_medium += held.volume.size() == 0;
+    if (held.records.empty() || held.records.back().layer() != kTopLayer) continue;
+    EXPECT_TRUE(held.volume == volume);
+    EXPECT_EQ(held.solve, kSampleSolve);
+  }
+  EXPECT_GT(cut_in_medium, 3);
+}
+
+TEST(CacheFile, NoFaultyRecordOfTheMediumIsWritten) {
+  const ScratchFolder folder;
+  VolumeRecords volume = sample_volume_records(5, 1);
+  volume.moments_of(3)[0].value[1] = -1;
+  EXPECT_THROW(write_cache(folder / "a.irc", sample_header(), sample_cache(volume)), Error);
+  EXPECT_FALSE(std::filesystem::exists(folder / "a.irc"));
 }
 
 TEST(CacheFile, AnotherFingerprintIsStale) {

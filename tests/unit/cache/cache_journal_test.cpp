@@ -44,6 +44,25 @@ TEST_F(Journal, FindsWhatAnotherRunAdded) {
   EXPECT_EQ(journal.find(1, 3), nullptr);
 }
 
+TEST_F(Journal, NotesComeBackWithRecordsAndWithout) {
+  const SurfaceRecord record = sample_records(1)[0];
+  const std::vector<unsigned char> of_record(200, 7), large(3'000'000, 9);
+  {
+    CacheJournal journal(file_, sample_header(), {});
+    journal.add(record, of_record);
+    journal.add_note(42, large);
+  }
+  const CacheJournal journal(file_, sample_header(), {});
+  const auto begins_with = [&](std::uint64_t key, const std::vector<unsigned char>& note) {
+    const auto found = journal.find_note(key);
+    return found.size() >= note.size() && std::equal(note.begin(), note.end(), found.begin());
+  };
+  EXPECT_NE(journal.find(1, record.key), nullptr);
+  EXPECT_TRUE(begins_with(record.key, of_record));
+  EXPECT_TRUE(begins_with(42, large));
+  EXPECT_TRUE(journal.find_note(43).empty());
+}
+
 TEST_F(Journal, GoesOnWithThePartOfAnother) {
   fill(100);
   {

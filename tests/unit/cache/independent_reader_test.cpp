@@ -109,6 +109,36 @@ TEST_F(IndependentReader, ReadsCachesAsBakesWriteThem) {
   EXPECT_EQ(std::count(listing.output.begin(), listing.output.end(), '\n'), 341);
 }
 
+TEST_F(IndependentReader, ReadsRecordsOfTheMediumAndTheSolve) {
+  const VolumeRecords volume = sample_volume_records(40, 2);
+  const Vec3d origin = sample_header().origin;
+  write_cache(file_, sample_header(),
+              IrradianceCache(sample_records(30), origin, {},
+                              std::make_shared<VolumeCache>(volume, origin)),
+              kSampleSolve);
+  const ProgramRun shown = read("");
+  ASSERT_EQ(shown.status, 0) << shown.output;
+  const auto header = nlohmann::json::parse(shown.output);
+  EXPECT_EQ(header["record_count"], 70);
+  EXPECT_EQ(header["solve"], nlohmann::json::parse(kSampleSolve));
+  const ProgramRun listing = read("--records");
+  std::istringstream lines(listing.output);
+  std::string line;
+  std::size_t i = 0;
+  while (std::getline(lines, line)) {
+    const auto record = nlohmann::json::parse(line);
+    if (record["kind"] != "volume") continue;
+    ASSERT_EQ(record["key"].get<std::uint64_t>(), volume.records[i].key);
+    ASSERT_EQ(record["radius"][2].get<float>(), volume.records[i].radius[2]);
+    ASSERT_EQ(record["clearance"].get<float>(), volume.records[i].clearance);
+    ASSERT_EQ(record["moments"].size(), 27u);
+    ASSERT_EQ(record["moments"][26].get<float>(), volume.moments_of(i)[8].value[2]);
+    ASSERT_EQ(record["position"][0].get<double>(), 10 + double(volume.records[i].position[0]));
+    ++i;
+  }
+  EXPECT_EQ(i, volume.size());
+}
+
 TEST_F(IndependentReader, RefusesDamage) {
   write({10, 20});
   const std::string good = read_bytes(file_);

@@ -51,6 +51,35 @@ inline std::vector<SurfaceRecord> sample_records(std::size_t count, int layer = 
   return records;
 }
 
+// In VolumeRecordOrder, inside the unit cube.
+inline VolumeRecords sample_volume_records(std::size_t count, int order, int wave = 0) {
+  RandomStream random(random_key(order, wave));
+  VolumeRecords all;
+  all.order = order;
+  std::vector<VolumeMoment> moments(all.stride());
+  std::uint64_t key = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    VolumeRecord record{};
+    for (int a = 0; a < 3; ++a) {
+      record.position[a] = static_cast<float>(random.uniform());
+      record.radius[a] = static_cast<float>(0.1 + 0.1 * random.uniform());
+    }
+    record.axes[0] = 1;
+    record.error = static_cast<float>(0.05 * random.uniform());
+    record.media_share = static_cast<float>(random.uniform());
+    record.clearance = static_cast<float>(random.uniform());
+    record.flags = record_flags(kDeepVolumeLayer, wave);
+    record.key = key += 1 + (random.bits() >> 32);
+    for (VolumeMoment& m : moments)
+      for (float& v : m.value) v = static_cast<float>(random.uniform() - 0.5);
+    for (float& v : moments[0].value) v += 1;
+    all.push_back(record, moments);
+  }
+  return all;
+}
+
+inline const char* const kSampleSolve = R"({"orders":3,"changes":[0.5,0.25],"ratio":0.5})";
+
 inline CacheHeader sample_header() {
   CacheHeader header;
   header.fingerprint = {{0x0123456789abcdefULL, 0xfedcba9876543210ULL}};

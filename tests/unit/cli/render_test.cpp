@@ -231,13 +231,6 @@ TEST_F(Render, PathTracingReportsItsErrorAndNeedsNoCache) {
   EXPECT_EQ(json["records"], 0);
 }
 
-TEST_F(Render, MoreScatteringThanAFileHoldsIsRefusedWithTheWayOut) {
-  const RunResult result = render({"--volume-bounces", "3", "--cache", path("c.irc")});
-  EXPECT_EQ(result.code, 3);
-  EXPECT_THAT(result.err, HasSubstr("/render/volume_bounces"));
-  EXPECT_THAT(result.err, HasSubstr("without a cache file"));
-}
-
 TEST_F(Render, OverridesReachTheScene) {
   const auto json = render({"--json", "-D", "/film/resolution/0=8"}).json();
   EXPECT_EQ(json["pixels"], 8 * 12);
