@@ -22,6 +22,7 @@ constexpr double kErrorFactor = 2, kMinRadiusFactor = 8;
 constexpr int kMediumPoints = 4;
 // In a journal, deep records as their second gathers found them.
 constexpr int kSolvedLayer = 2;
+constexpr std::uint64_t kKeyOfSolution = 0x736f6c7574696f6eULL;  // And the solve's note.
 
 Vec3d vector(const float* v) { return {v[0], v[1], v[2]}; }
 
@@ -78,7 +79,8 @@ class DeepBake {
   // Gathers again at surface records, now that the light is known, for gradients. Records of the medium
   // are interpolated by weights that reproduce what is linear, and need none.
   bool add_gradients(Records& surface, const std::vector<RgbD>& before);
-  void store(const LightTransport& transport, const DeepLight& light, VolumeRecords& volume) const;
+  DeepSolution solve(const VolumeRecords& volume);
+  void store(const DeepSolution& solution, VolumeRecords& volume) const;
 
   const Lighting& lighting_;
   const World& world_;
@@ -242,22 +244,44 @@ bool DeepBake::add_gradients(Records& surface, const std::vector<RgbD>& before) 
   return !stopped_;
 }
 
-void DeepBake::store(const LightTransport& transport, const DeepLight& light,
-                     VolumeRecords& volume) const {
-  // Of it, what comes straight from surfaces.
-  const std::vector<RgbD> reflected = transport.reflect(light).volume;
+void DeepBake::store(const DeepSolution& solution, VolumeRecords& volume) const {
   const std::size_t stride = volume.stride();
+  const std::vector<RgbD>& light = solution.light.volume;
   for (std::size_t i = 0; i < volume.size(); ++i) {
     const std::span<VolumeMoment> moments = volume.moments_of(i);
     for (std::size_t k = 0; k < stride; ++k)
       for (int c = 0; c < 3; ++c)
-        moments[k].value[c] = static_cast<float>(light.volume[i * stride + k][c]);
-    const double all = luminance(light.volume[i * stride]);
-    const double from_surfaces =
-        settings_.bounces > 0 ? luminance(reflected[i * stride] + medium_.rows()[i].reflected[0]) : 0;
+        moments[k].value[c] = static_cast<float>(light[i * stride + k][c]);
+    const double all = luminance(light[i * stride]);
+    const double from_surfaces = luminance(solution.reflected_fluence[i]);
     volume.records[i].media_share =
         all > 0 ? static_cast<float>(std::clamp(1 - from_surfaces / all, 0.0, 1.0)) : 0;
   }
+}
+
+// What an earlier run found is taken from the journal: whoever stops a bake may not have the time that
+// the solve takes.
+DeepSolution DeepBake::solve(const VolumeRecords& volume) {
+  if (request_.journal)
+    if (std::optional<DeepSolution> found = solution_of(request_.journal->find_note(kKeyOfSolution));
+        found && found->light.surface.size() == records_.size() &&
+        found->light.volume.size() == volume.moments.size())
+      return std::move(*found);
+  std::vector<DeepRow> surface_rows;
+  for (const SurfaceRecord& r : records_)
+    surface_rows.push_back(std::move(sources_.at(r.key).row));
+  std::vector<DeepRow>& volume_rows = medium_.rows();
+  const IrradianceCache places(records_, origin_, {},
+                               std::make_shared<VolumeCache>(volume, origin_));
+  const LightTransport transport(world_, places, surface_rows, volume_rows, finest_,
+                                 request_.threads);
+  DeepSolution solution = solve_deep_light(transport, surface_rows, volume_rows, settings_.bounces,
+                                           settings_.volume_bounces);
+  if (request_.journal) {
+    request_.journal->add_note(kKeyOfSolution, bytes_of(solution));
+    request_.journal->seal();
+  }
+  return solution;
 }
 
 std::optional<DeepRecords> DeepBake::bake() {
@@ -269,34 +293,25 @@ std::optional<DeepRecords> DeepBake::bake() {
   if (has_surfaces && !place_at_uncovered_hits()) return std::nullopt;
 
   const auto start = std::chrono::steady_clock::now();
-  std::vector<DeepRow> surface_rows;
-  for (const SurfaceRecord& r : records_)
-    surface_rows.push_back(std::move(sources_.at(r.key).row));
-  std::vector<DeepRow>& volume_rows = medium_.rows();
   DeepRecords deep;
   deep.volume = medium_.records();
-  const IrradianceCache places(records_, origin_, {},
-                               std::make_shared<VolumeCache>(deep.volume, origin_));
-  const LightTransport transport(world_, places, surface_rows, volume_rows, finest_,
-                                 request_.threads);
-  const DeepSolution solution = solve_deep_light(transport, surface_rows, volume_rows,
-                                                 settings_.bounces, settings_.volume_bounces);
+  const DeepSolution solution = solve(deep.volume);
   deep.stats = {
       .orders = solution.orders,
       .scatterings = solution.scatterings,
       .is_accelerated = solution.is_accelerated,
-      .applications = transport.applications(),
+      .applications = solution.applications,
       .changes = solution.changes,
       .ratio = solution.ratio,
       .truncation_bound = solution.truncation_bound,
-      .surface_records = transport.surface_count(),
-      .volume_records = transport.volume_count(),
-      .strata = transport.stratum_count(),
+      .surface_records = records_.size(),
+      .volume_records = deep.volume.size(),
+      .strata = solution.strata,
       .seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count()};
   report(0.7);
 
   deep.surface = with_light(solution.light.surface);
-  store(transport, solution.light, deep.volume);
+  store(solution, deep.volume);
   scattering_ = std::make_shared<VolumeCache>(deep.volume, origin_);
   if (!add_gradients(deep.surface, solution.before)) return std::nullopt;
   deep.counters = maker_.counters();

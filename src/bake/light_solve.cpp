@@ -92,6 +92,14 @@ DeepSolution solve_deep_light(const LightTransport& transport,
   solution.scatterings = scattering.orders();
   solution.is_accelerated = scattering.is_accelerated();
   solution.truncation_bound += scattering.bound();
+  solution.reflected_fluence.assign(volume_rows.size(), RgbD());
+  if (bounces > 0 && !volume_rows.empty()) {
+    const std::vector<RgbD> reflected = transport.reflect(light).volume;
+    for (std::size_t i = 0; i < volume_rows.size(); ++i)
+      solution.reflected_fluence[i] = reflected[i * stride] + volume_rows[i].reflected[0];
+  }
+  solution.applications = transport.applications();
+  solution.strata = transport.stratum_count();
   return solution;
 }
 

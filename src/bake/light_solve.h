@@ -1,6 +1,9 @@
 // The light at deep records: the sum over all bounces and scatterings that are asked for.
 #pragma once
 
+#include <cstdint>
+#include <optional>
+#include <span>
 #include <vector>
 
 #include "bake/light_transport.h"
@@ -12,6 +15,9 @@ struct DeepSolution {
   // scattered up to volume_bounces - 1 times since.
   DeepLight light;
   std::vector<RgbD> before;  // light.surface with one reflection less: what its hits reflect.
+  std::vector<RgbD> reflected_fluence;  // Of volume records: what comes straight from surfaces.
+  int applications = 0;                 // Of the transport operator.
+  std::uint64_t strata = 0;             // That it was made of.
   int orders = 0;            // Reflections that were added up.
   int scatterings = 0;       // Most scatterings between two of them that were added up one by one.
   bool is_accelerated = false;  // Scatterings without end were summed by GMRES instead.
@@ -21,6 +27,10 @@ struct DeepSolution {
   // scattering is accelerated, of its light or a tenth of the mean. 0 where none was left out.
   double truncation_bound = 0;
 };
+
+// A solution as a journal keeps it, and back; nothing for bytes that are none.
+std::vector<unsigned char> bytes_of(const DeepSolution& solution);
+std::optional<DeepSolution> solution_of(std::span<const unsigned char> bytes);
 
 // Sums orders until as many as asked for, or until the rest is bounded below 0.1 %.
 //

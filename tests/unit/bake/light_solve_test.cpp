@@ -137,5 +137,23 @@ TEST(LightSolve, RowsComeBackFromTheirBytes) {
   EXPECT_FALSE(row_of(bytes_of(row)));
 }
 
+TEST(LightSolve, SolutionsComeBackFromTheirBytes) {
+  const Solved solved(50, 0.8, 4, 1);
+  const DeepSolution solution = solved.solve(100);
+  std::vector<unsigned char> bytes = bytes_of(solution);
+  const std::size_t size = bytes.size();
+  bytes.resize(size + 40);  // As a journal pads them.
+  const std::optional<DeepSolution> back = solution_of(bytes);
+  ASSERT_TRUE(back);
+  EXPECT_EQ(back->light.surface, solution.light.surface);
+  EXPECT_EQ(back->before, solution.before);
+  EXPECT_EQ(back->changes, solution.changes);
+  EXPECT_EQ(back->orders, solution.orders);
+  EXPECT_EQ(back->truncation_bound, solution.truncation_bound);
+  EXPECT_EQ(bytes_of(*back), bytes_of(solution));
+  for (std::size_t n = 0; n < size; n += 7)
+    EXPECT_FALSE(solution_of(std::span(bytes).first(n))) << n;
+}
+
 }  // namespace
 }  // namespace brume

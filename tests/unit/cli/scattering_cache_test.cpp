@@ -73,11 +73,15 @@ TEST_F(ScatteringCache, OneThreadAndAnyShardsMakeTheSameBytes) {
 
 TEST_F(ScatteringCache, StoppedAgainAndAgainItComesToItsEnd) {
   const std::string wanted = whole();
-  for (const char* limit : {"0.1", "0.1", "0.2", "0.4"}) {
-    const RunResult run = bake("c.irc", {"--time-limit", limit, "--seal-interval", "0"});
+  // What was gathered and solved is kept; placing records over again takes its time on any machine.
+  int stops = 0;
+  for (double limit = 0.1;; limit *= 1.2, ++stops) {
+    const RunResult run =
+        bake("c.irc", {"--time-limit", std::to_string(limit), "--seal-interval", "0"});
+    if (run.code == 0) break;
     ASSERT_TRUE(run.code == 75 || run.code == 3) << run.err;
   }
-  ASSERT_EQ(bake("c.irc").code, 0);
+  EXPECT_GT(stops, 2);
   EXPECT_TRUE(read("c.irc") == wanted);
 }
 

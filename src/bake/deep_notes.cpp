@@ -1,6 +1,7 @@
+// Bytes of what a journal keeps beside records.
 #include <cstring>
 
-#include "bake/light_transport.h"
+#include "bake/light_solve.h"
 
 namespace brume {
 namespace {
@@ -8,6 +9,12 @@ namespace {
 struct RowHeader {
   std::uint32_t numbers, strata, points, reserved;
   double nearest, error;
+};
+
+struct SolutionHeader {
+  std::int32_t orders, scatterings, is_accelerated, applications;
+  double ratio, truncation_bound;
+  std::uint64_t strata, surface, moments, volume, changes;
 };
 
 template <typename T>
@@ -65,6 +72,54 @@ std::optional<DeepRow> row_of(std::span<const unsigned char> bytes) {
     end = s.points_end;
   }
   return row;
+}
+
+std::vector<unsigned char> bytes_of(const DeepSolution& s) {
+  const SolutionHeader header{s.orders,
+                              s.scatterings,
+                              s.is_accelerated,
+                              s.applications,
+                              s.ratio,
+                              s.truncation_bound,
+                              s.strata,
+                              s.light.surface.size(),
+                              s.light.volume.size(),
+                              s.reflected_fluence.size(),
+                              s.changes.size()};
+  std::vector<unsigned char> bytes;
+  append(bytes, std::vector<SolutionHeader>{header});
+  append(bytes, s.light.surface);
+  append(bytes, s.before);
+  append(bytes, s.light.volume);
+  append(bytes, s.reflected_fluence);
+  append(bytes, s.changes);
+  return bytes;
+}
+
+std::optional<DeepSolution> solution_of(std::span<const unsigned char> bytes) {
+  SolutionHeader header{};
+  if (bytes.size() < sizeof header) return std::nullopt;
+  std::memcpy(&header, bytes.data(), sizeof header);
+  bytes = bytes.subspan(sizeof header);
+  for (const std::uint64_t count : {header.surface, header.moments, header.volume, header.changes})
+    if (count > bytes.size()) return std::nullopt;
+  if (bytes.size() < sizeof(RgbD) * (2 * header.surface + header.moments + header.volume) +
+                         sizeof(double) * header.changes)
+    return std::nullopt;
+  DeepSolution s;
+  take(bytes, header.surface, s.light.surface);
+  take(bytes, header.surface, s.before);
+  take(bytes, header.moments, s.light.volume);
+  take(bytes, header.volume, s.reflected_fluence);
+  take(bytes, header.changes, s.changes);
+  s.orders = header.orders;
+  s.scatterings = header.scatterings;
+  s.is_accelerated = header.is_accelerated != 0;
+  s.applications = header.applications;
+  s.ratio = header.ratio;
+  s.truncation_bound = header.truncation_bound;
+  s.strata = header.strata;
+  return s;
 }
 
 }  // namespace brume
