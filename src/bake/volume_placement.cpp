@@ -58,6 +58,48 @@ Box3d scattering_box(const World& world) {
   return {box.min - Vec3d(pad), box.max + Vec3d(pad)};
 }
 
+// How long a cell around p may be along each axis.
+Vec3d longest_steps(const Lighting& lighting, const Vec3d& p, double scale) {
+  const World& world = lighting.world();
+  const Medium& medium = world.medium();
+  const double sigma = max_component(medium.sigma_t_at(p));
+  double depth[3], distance[3], sum = 0;
+  int seen = 0;
+  MarchCounters ignored;
+  for (int a = 0; a < 3; ++a) {
+    depth[a] = distance[a] = kInfinity;
+    for (const double side : {-1.0, 1.0}) {
+      Vec3d w(0.0);
+      w[a] = side;
+      const double end = world.tracer().intersect({p, w}).t;
+      distance[a] = std::min(distance[a], end);
+      if (end < kInfinity) {
+        sum += end;
+        ++seen;
+      }
+      const double far = std::min(end, medium.is_unbounded() ? 100 / std::max(sigma, 1e-300) : end);
+      depth[a] = std::min(
+          depth[a], max_component(optical_depth(medium, {p, w}, {0, far}, lighting.march(), ignored)));
+    }
+  }
+  double lamp = kInfinity;
+  for (const auto& light : world.lights())
+    if (light->kind() != Light::Kind::Directional && light->kind() != Light::Kind::Environment)
+      lamp = std::min(lamp, (light->centre() - p).length());
+  const double mean = seen > 0 ? sum / seen : kInfinity;
+  Vec3d steps;
+  for (int a = 0; a < 3; ++a) {
+    steps[a] = kInfinity;
+    if (sigma > 0) steps[a] = std::max(kLeastDepth, kPartOfDepth * depth[a]) / sigma;
+    steps[a] = std::min(
+        steps[a], std::max(2 * kPartOfDistance * distance[a], kPartOfMeanDistance * mean));
+    const double nearest = kNearestLamp * (mean < kInfinity ? mean : lamp);
+    steps[a] = std::min(steps[a], std::max(kPartOfLampDistance * lamp, nearest));
+    steps[a] *= scale;
+  }
+  return steps;
+}
+
 }  // namespace
 
 int harmonic_order(const Medium& medium) {
@@ -69,6 +111,10 @@ int harmonic_order(const Medium& medium) {
   int order = 1;
   for (double left = g * g; left > kLeftOut && order < kMaxHarmonicOrder; left *= g) ++order;
   return order;
+}
+
+Vec3d volume_record_radii(const Lighting& lighting, const Vec3d& p) {
+  return longest_steps(lighting, p, 1) * kCellsInRadius;
 }
 
 VolumePlacement::VolumePlacement(const Lighting& lighting, const BakeSettings& settings,
@@ -122,53 +168,12 @@ std::optional<VolumePlacement::Site> VolumePlacement::site_of(const Box3d& cell)
   return Site{is_hidden ? in_medium : middle, cell, scattering};
 }
 
-// How long a cell around p may be along each axis.
-Vec3d VolumePlacement::longest_steps(const Vec3d& p, double scale) const {
-  const Medium& medium = world_.medium();
-  const double sigma = max_component(medium.sigma_t_at(p));
-  double depth[3], distance[3], sum = 0;
-  int seen = 0;
-  MarchCounters ignored;
-  for (int a = 0; a < 3; ++a) {
-    depth[a] = distance[a] = kInfinity;
-    for (const double side : {-1.0, 1.0}) {
-      Vec3d w(0.0);
-      w[a] = side;
-      const double end = world_.tracer().intersect({p, w}).t;
-      distance[a] = std::min(distance[a], end);
-      if (end < kInfinity) {
-        sum += end;
-        ++seen;
-      }
-      const double far = std::min(end, medium.is_unbounded() ? 100 / std::max(sigma, 1e-300) : end);
-      depth[a] = std::min(
-          depth[a], max_component(optical_depth(medium, {p, w}, {0, far}, lighting_.march(), ignored)));
-    }
-  }
-  double lamp = kInfinity;
-  for (const auto& light : world_.lights())
-    if (light->kind() != Light::Kind::Directional && light->kind() != Light::Kind::Environment)
-      lamp = std::min(lamp, (light->centre() - p).length());
-  const double mean = seen > 0 ? sum / seen : kInfinity;
-  Vec3d steps;
-  for (int a = 0; a < 3; ++a) {
-    steps[a] = kInfinity;
-    if (sigma > 0) steps[a] = std::max(kLeastDepth, kPartOfDepth * depth[a]) / sigma;
-    steps[a] = std::min(
-        steps[a], std::max(2 * kPartOfDistance * distance[a], kPartOfMeanDistance * mean));
-    const double nearest = kNearestLamp * (mean < kInfinity ? mean : lamp);
-    steps[a] = std::min(steps[a], std::max(kPartOfLampDistance * lamp, nearest));
-    steps[a] *= scale;
-  }
-  return steps;
-}
-
 void VolumePlacement::cut(const Box3d& cell, double scale, int depth,
                           std::vector<Site>& sites) const {
   if (sites.size() > kMostRecords) return;
   const std::optional<Site> site = site_of(cell);
   if (!site) return;
-  const Vec3d steps = longest_steps(site->position, scale);
+  const Vec3d steps = longest_steps(lighting_, site->position, scale);
   const Vec3d size = cell.max - cell.min;
   int axis = 0;
   for (int a = 1; a < 3; ++a)

@@ -15,6 +15,10 @@ namespace brume {
 // |g|^(order + 1), is small: 0 for even scattering, 1 to |g| = 0.3, 3 to 0.55, kMaxHarmonicOrder above.
 int harmonic_order(const Medium& medium);
 
+// How far a record of the medium at p may reach along x, y and z, before cells are cut where light
+// changes: world units.
+Vec3d volume_record_radii(const Lighting& lighting, const Vec3d& p);
+
 // A record in the middle of each cell of a tree over the medium. Light between records is linear, so
 // a cell is halved along an axis while it is longer there than light is near linear over: in optical
 // depth from the medium's edges and from surfaces, where it falls off steeply, in distance from
@@ -46,7 +50,6 @@ class VolumePlacement {
   // the same everywhere.
   double mean_scattering(const Box3d& cell, Vec3d& at, bool& is_even) const;
   std::optional<Site> site_of(const Box3d& cell) const;
-  Vec3d longest_steps(const Vec3d& p, double scale) const;
   void cut(const Box3d& cell, double scale, int depth, std::vector<Site>& sites) const;
   std::vector<Site> first_sites(double scale) const;
   // What a record's gather finds, or found in an earlier run: its row, clearance and error.

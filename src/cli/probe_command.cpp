@@ -1,4 +1,4 @@
-// brume probe: irradiance and its gradients at one point, term by term.
+// brume probe: irradiance, or fluence in the medium, and its gradients at one point, term by term.
 //
 // Gradients are shown per metre, whatever the scene's unit; positions and radii in scene units
 // (SPEC).
@@ -8,6 +8,7 @@
 #include "cli/cache_session.h"
 #include "cli/commands.h"
 #include "cli/outputs.h"
+#include "cli/probe_volume.h"
 #include "cli/progress.h"
 #include "cli/shared_options.h"
 #include "cli/signals.h"
@@ -23,21 +24,14 @@ namespace {
 
 // Enough that the direct light of an area light is known to about a percent.
 constexpr int kDirectSamples = 256;
-// Independent repetitions of finite differences and of sweeps.
-constexpr int kNoiseSeeds = 8;
 
 struct ProbeOptions {
   SceneOptions scene;
   AccuracyOptions accuracy;
   std::optional<Vec3d> position, normal;
   std::optional<double> finite_difference;
-  bool sweep_cells = false;
+  bool sweep_cells = false, in_volume = false;
   std::filesystem::path cache_file;
-};
-
-struct FiniteDifference {
-  RgbGradient value;  // Mean over seeds; both sides of a difference use the same random numbers.
-  RgbGradient noise;  // Standard error of that mean.
 };
 
 struct Answers {
@@ -50,10 +44,6 @@ struct Answers {
   std::vector<CellSweepRow> sweep;
 };
 
-std::uint64_t probe_key(std::uint64_t seed, int repetition) {
-  return random_key(seed, std::uint64_t{0x70726f6265}, repetition);
-}
-
 // How far a point on a surface has to be lifted to clear it; 0 for a point in free space. A surface
 // counts as its own within a millionth of the scene.
 double surface_offset(const World& world, const Vec3d& position, const Vec3d& normal) {
@@ -61,50 +51,6 @@ double surface_offset(const World& world, const Vec3d& position, const Vec3d& no
   if (!(reach > 0) || !std::isfinite(reach)) return 0;
   const Hit hit = world.tracer().intersect({position + normal * reach, -normal}, 2 * reach);
   return hit.is_hit() ? hit.offset : 0;
-}
-
-// In free space by central differences. On a surface there is no light behind it to compare with,
-// so along the normal a one-sided difference of second order stands in.
-RgbGradient difference_quotient(Gatherer& gatherer, const GatherPoint& at, const HitLight& below,
-                                double h, Counters& counters) {
-  const auto irradiance = [&](const Vec3d& shift) {
-    GatherPoint point = at;
-    point.position += shift;
-    return gatherer.gather(point, below, counters).irradiance;
-  };
-  const auto central = [&](const Vec3d& direction) {
-    return (irradiance(direction * h) - irradiance(direction * -h)) / (2 * h);
-  };
-  if (at.offset == 0)
-    return outer(central({1, 0, 0}), {1, 0, 0}) + outer(central({0, 1, 0}), {0, 1, 0}) +
-           outer(central({0, 0, 1}), {0, 0, 1});
-  const Frame frame(at.normal);
-  const RgbD along_normal = (4.0 * irradiance(frame.n * h) - 3.0 * irradiance(Vec3d(0.0)) -
-                             irradiance(frame.n * (2 * h))) /
-                            (2 * h);
-  return outer(central(frame.u), frame.u) + outer(central(frame.v), frame.v) +
-         outer(along_normal, frame.n);
-}
-
-FiniteDifference finite_difference(Gatherer& gatherer, const GatherPoint& point,
-                                   const HitLight& below, double h, std::uint64_t seed,
-                                   Counters& counters) {
-  FiniteDifference result;
-  std::array<RgbGradient, kNoiseSeeds> samples;
-  for (int i = 0; i < kNoiseSeeds; ++i) {
-    GatherPoint shifted = point;
-    shifted.key = probe_key(seed, i);
-    samples[i] = difference_quotient(gatherer, shifted, below, h, counters);
-    result.value += samples[i] * (1.0 / kNoiseSeeds);
-  }
-  for (int c = 0; c < 3; ++c)
-    for (int axis = 0; axis < 3; ++axis) {
-      double squares = 0;
-      for (const RgbGradient& s : samples)
-        squares += std::pow(s[c][axis] - result.value[c][axis], 2);
-      result.noise[c][axis] = std::sqrt(squares / (kNoiseSeeds - 1) / kNoiseSeeds);
-    }
-  return result;
 }
 
 // Light that hits reflect further, over all surfaces.
@@ -152,8 +98,15 @@ Answers gather_answers(const ProbeOptions& options, const Lighting& lighting,
     values_alone.gradient = GradientMode::None;
     Gatherer gatherer(lighting, effects, values_alone);
     Counters of_differences;  // Not the probe's own cost.
-    a.difference = finite_difference(gatherer, a.point, below, *options.finite_difference, seed,
-                                     of_differences);
+    const auto irradiance = [&](std::uint64_t key, const Vec3d& shift) {
+      GatherPoint shifted = a.point;
+      shifted.key = key;
+      shifted.position += shift;
+      return gatherer.gather(shifted, below, of_differences).irradiance;
+    };
+    const std::optional<Frame> surface =
+        a.point.offset > 0 ? std::optional(Frame(a.point.normal)) : std::nullopt;
+    a.difference = finite_difference(irradiance, surface, *options.finite_difference, seed);
   }
   if (options.sweep_cells) {
     std::vector<std::uint64_t> keys;
@@ -221,14 +174,6 @@ Json answers_json(const Answers& a, const GatherOptions& gather, double per_metr
   return all;
 }
 
-void add_gradient_rows(std::vector<std::vector<std::string>>& rows, const std::string& name,
-                       const RgbGradient& g) {
-  const char* const channels[] = {"R", "G", "B"};
-  for (int c = 0; c < 3; ++c)
-    rows.push_back({c == 0 ? name : "", channels[c], shown_number(g[c].x), shown_number(g[c].y),
-                    shown_number(g[c].z)});
-}
-
 void print_sweep(std::ostream& out, const std::vector<CellSweepRow>& sweep, GradientMode mode,
                  double per_metre) {
   const CellSweepRow& last = sweep.back();
@@ -287,7 +232,11 @@ void print_answers(const CommandContext& context, const Answers& a, const Gather
 }
 
 int probe(const ProbeOptions& options, const CommandContext& context) {
-  if (!(options.normal->length() > 0))
+  if (options.in_volume && (options.normal || options.sweep_cells))
+    throw Error(ErrorKind::Usage, "--volume: goes without --normal and --sweep");
+  if (!options.in_volume && !options.normal)
+    throw Error(ErrorKind::Usage, "--normal: is missing: give one, or --volume");
+  if (options.normal && !(options.normal->length() > 0))
     throw Error(ErrorKind::Usage, "--normal: has no direction: give one, like 0,1,0");
   if (!context.stats_file.empty()) check_writable(context.stats_file);
   SignalWatch watch;
@@ -321,14 +270,27 @@ int probe(const ProbeOptions& options, const CommandContext& context) {
   statistics.records = deeper->size();
 
   const GatherOptions gather = options.accuracy.bake_settings(settings).gather;
-  const Answers answers = statistics.timed("gather", [&] {
-    return gather_answers(options, lighting, settings, gather, *deeper, statistics);
-  });
   const double per_metre = 1 / world.unit();
-  if (context.json)
-    print_json(context, answers_json(answers, gather, per_metre, statistics));
-  else
-    print_answers(context, answers, gather, per_metre);
+  if (options.in_volume) {
+    const VolumeProbe probed = statistics.timed("gather", [&] {
+      return probe_volume(lighting, settings, *deeper,
+                          {*options.position, gather, options.accuracy.seed.value_or(settings.seed),
+                           options.finite_difference},
+                          statistics.counters);
+    });
+    if (context.json)
+      print_json(context, volume_probe_json(probed, gather, per_metre, statistics));
+    else
+      print_volume_probe(context.out, probed, gather, per_metre);
+  } else {
+    const Answers answers = statistics.timed("gather", [&] {
+      return gather_answers(options, lighting, settings, gather, *deeper, statistics);
+    });
+    if (context.json)
+      print_json(context, answers_json(answers, gather, per_metre, statistics));
+    else
+      print_answers(context, answers, gather, per_metre);
+  }
   CommandContext stats_alone = context;
   stats_alone.json = false;
   report_statistics(stats_alone, statistics);
@@ -339,7 +301,8 @@ int probe(const ProbeOptions& options, const CommandContext& context) {
 
 void add_probe_command(CLI::App& app, CommandContext& context) {
   CLI::App* verb =
-      app.add_subcommand("probe", "Irradiance and its gradients at one point, term by term");
+      app.add_subcommand("probe", "Irradiance, or fluence in the medium, and its gradients at one "
+                                  "point, term by term");
   const auto options = std::make_shared<ProbeOptions>();
   add_scene_options(*verb, context, options->scene);
   const auto vector = [](const std::string& option, const std::string& text) {
@@ -349,8 +312,11 @@ void add_probe_command(CLI::App& app, CommandContext& context) {
       ->required()
       ->group("Point");
   add_parsed(*verb, "--normal", "X,Y,Z", options->normal, vector,
-             "The side that receives, of any length but 0")
-      ->required()
+             "The side that receives, of any length but 0; not with --volume")
+      ->group("Point");
+  verb->add_flag("--volume", options->in_volume,
+                 "A point of the medium: fluence, what arrives from all around but straight from "
+                 "lights")
       ->group("Point");
   add_parsed(
       *verb, "--finite-difference", "H", options->finite_difference,
@@ -382,6 +348,7 @@ Examples:
   brume probe box.json --at 0,0.5,0 --normal 0,1,0 --cells 64x201
   brume probe box.json --at 0,0.5,0 --normal 0,1,0 --finite-difference 0.01 --json
   brume probe box.json --at 0,0.5,0 --normal 0,1,0 --sweep cells
+  brume probe box.json --at 0,0.5,0 --volume --finite-difference 0.01
   brume probe box.json --at 0,0.5,0 --normal 0,1,0 --gradient ward-heckbert --cache box.irc)");
   verb->callback([options, &context] {
     context.action = [options, &context] { return probe(*options, context); };

@@ -131,5 +131,59 @@ TEST_F(Probe, ACacheSuppliesFurtherBounces) {
   EXPECT_EQ(probe({"--cache", path("none.irc")}).code, 3);
 }
 
+class VolumeProbe : public CliTest {
+ protected:
+  RunResult probe(const std::vector<std::string>& more) {
+    std::vector<std::string> arguments{"probe", write_scene(), "--at", "0.3,0.9,0.2", "--volume"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return brume(arguments);
+  }
+};
+
+TEST_F(VolumeProbe, JsonHasTheKeysThatScriptsRelyOn) {
+  const RunResult result = probe({"--json", "--volume-bounces", "4"});
+  ASSERT_EQ(result.code, 0) << result.err;
+  const auto json = result.json();
+  for (const char* key : {"position", "fluence", "gradient", "gradient_terms", "gradient_modes",
+                          "radius", "cells", "rays", "segments", "seconds"})
+    EXPECT_TRUE(json.contains(key)) << key;
+  EXPECT_FALSE(json.contains("normal"));
+  ASSERT_EQ(json["radius"].size(), 3u);
+  for (int c = 0; c < 3; ++c) {
+    EXPECT_GT(double(json["radius"][c]), 0);
+    EXPECT_GT(double(json["fluence_media"][c]), 0);
+    EXPECT_NEAR(double(json["fluence"][c]),
+                double(json["fluence_surface"][c]) + double(json["fluence_media"][c]), 1e-9);
+  }
+}
+
+TEST_F(VolumeProbe, GradientsMatchTheirFiniteDifferences) {
+  // Light scattered once, and that which scatters on from volume records, with bounces.
+  for (const std::vector<std::string>& light :
+       {std::vector<std::string>{"--volume-bounces", "1"},
+        std::vector<std::string>{"--volume-bounces", "5", "--bounces", "2"}}) {
+    std::vector<std::string> arguments{"--json", "--cells", "64x201", "--shells", "48",
+                                       "--finite-difference", "0.02"};
+    arguments.insert(arguments.end(), light.begin(), light.end());
+    const auto json = probe(arguments).json();
+    double error = 0, size = 0, noise = 0, ward = 0;
+    for (int c = 0; c < 3; ++c)
+      for (int a = 0; a < 3; ++a) {
+        const double expected = json["finite_difference"][c][a];
+        noise += std::pow(double(json["finite_difference_noise"][c][a]), 2);
+        error += std::pow(double(json["gradient"][c][a]) - expected, 2);
+        ward += std::pow(double(json["gradient_modes"]["ward-heckbert"][c][a]) - expected, 2);
+        size += expected * expected;
+      }
+    EXPECT_LT(std::sqrt(error), 0.05 * std::sqrt(size) + 3 * std::sqrt(noise));
+    EXPECT_GT(std::sqrt(ward), 2 * std::sqrt(error));
+  }
+}
+
+TEST_F(VolumeProbe, TakesNoNormal) {
+  EXPECT_EQ(probe({"--normal", "0,1,0"}).code, 2);
+  EXPECT_EQ(brume({"probe", write_scene(), "--at", "0,1,0"}).code, 2);
+}
+
 }  // namespace
 }  // namespace brume
