@@ -252,6 +252,8 @@ void DeepBake::store(const DeepSolution& solution, VolumeRecords& volume) const 
     for (std::size_t k = 0; k < stride; ++k)
       for (int c = 0; c < 3; ++c)
         moments[k].value[c] = static_cast<float>(light[i * stride + k][c]);
+    // Phase functions cut short may scatter a little less than nothing to where it is dark.
+    for (float& fluence : moments[0].value) fluence = std::max(fluence, 0.0f);
     const double all = luminance(light[i * stride]);
     const double from_surfaces = luminance(solution.reflected_fluence[i]);
     volume.records[i].media_share =
@@ -265,7 +267,8 @@ DeepSolution DeepBake::solve(const VolumeRecords& volume) {
   if (request_.journal)
     if (std::optional<DeepSolution> found = solution_of(request_.journal->find_note(kKeyOfSolution));
         found && found->light.surface.size() == records_.size() &&
-        found->light.volume.size() == volume.moments.size())
+        found->light.volume.size() == volume.moments.size() &&
+        found->reflected_fluence.size() == volume.size())
       return std::move(*found);
   std::vector<DeepRow> surface_rows;
   for (const SurfaceRecord& r : records_)
@@ -324,15 +327,15 @@ std::optional<DeepRecords> DeepBake::bake() {
 
 std::string DeepStats::to_json() const {
   const nlohmann::ordered_json all = {{"orders", orders},
-                                {"changes", changes},
-                                {"ratio", ratio},
-                                {"truncation_bound", truncation_bound},
-                                {"scatterings", scatterings},
-                                {"accelerated", is_accelerated},
-                                {"applications", applications},
-                                {"surface_records", surface_records},
-                                {"volume_records", volume_records},
-                                {"strata", strata}};
+                                      {"changes", changes},
+                                      {"ratio", ratio},
+                                      {"truncation_bound", truncation_bound},
+                                      {"scatterings", scatterings},
+                                      {"accelerated", is_accelerated},
+                                      {"applications", applications},
+                                      {"surface_records", surface_records},
+                                      {"volume_records", volume_records},
+                                      {"strata", strata}};
   return all.dump();
 }
 
