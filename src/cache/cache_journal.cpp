@@ -133,7 +133,7 @@ void CacheJournal::seal_locked() {
     impl_->chain.write_records(batch, cache_layout::kAsGathered);
     run = end;
   }
-  added_ += unsealed_count_;
+  added_ += unsealed_.size();
   const bool is_any = unsealed_count_ > 0;
   unsealed_.clear();
   unsealed_count_ = 0;

@@ -17,7 +17,7 @@ struct JournalOptions {
   std::chrono::milliseconds seal_interval{1000};  // What a kill costs at most.
   bool survives_power_loss = false;  // Syncs each block: then what a power cut costs, too.
   bool starts_anew = false;          // Drops what a part holds, whatever it is.
-  // After each seal, with the number of gathers sealed in this process; from any thread, one at a
+  // After each seal, with the number of surface records sealed in this process; from any thread, one at a
   // time.
   std::function<void(std::size_t)> on_sealed{};
 };
