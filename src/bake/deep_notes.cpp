@@ -18,10 +18,20 @@ struct SolutionHeader {
 };
 
 template <typename T>
-void append(std::vector<unsigned char>& bytes, const std::vector<T>& values) {
+void append(std::vector<unsigned char>& bytes, std::span<const T> values) {
   static_assert(std::is_trivially_copyable_v<T>);
-  const auto* first = reinterpret_cast<const unsigned char*>(values.data());
-  bytes.insert(bytes.end(), first, first + values.size() * sizeof(T));
+  const std::size_t before = bytes.size();
+  bytes.resize(before + values.size_bytes());
+  if (!values.empty()) std::memcpy(bytes.data() + before, values.data(), values.size_bytes());
+}
+
+template <typename Header>
+std::optional<Header> take_header(std::span<const unsigned char>& bytes) {
+  Header header{};
+  if (bytes.size() < sizeof header) return std::nullopt;
+  std::memcpy(&header, bytes.data(), sizeof header);
+  bytes = bytes.subspan(sizeof header);
+  return header;
 }
 
 template <typename T>
@@ -41,34 +51,32 @@ std::vector<unsigned char> bytes_of(const DeepRow& row) {
                          row.nearest,
                          row.error};
   std::vector<unsigned char> bytes;
-  append(bytes, std::vector<RowHeader>{header});
-  append(bytes, row.unreflected);
-  append(bytes, row.reflected);
-  append(bytes, row.strata.strata);
-  append(bytes, row.strata.points);
+  append(bytes, std::span(&header, 1));
+  append(bytes, std::span(row.unreflected));
+  append(bytes, std::span(row.reflected));
+  append(bytes, std::span(row.strata.strata));
+  append(bytes, std::span(row.strata.points));
   return bytes;
 }
 
 std::optional<DeepRow> row_of(std::span<const unsigned char> bytes) {
-  RowHeader header{};
-  if (bytes.size() < sizeof header) return std::nullopt;
-  std::memcpy(&header, bytes.data(), sizeof header);
-  bytes = bytes.subspan(sizeof header);
-  if (header.numbers == 0 ||
-      bytes.size() < 2 * sizeof(RgbD) * std::uint64_t(header.numbers) +
-                         sizeof(Stratum) * std::uint64_t(header.strata) +
-                         sizeof(MediumPoint) * std::uint64_t(header.points))
+  const auto header = take_header<RowHeader>(bytes);
+  if (!header) return std::nullopt;
+  if (header->numbers == 0 ||
+      bytes.size() < 2 * sizeof(RgbD) * std::uint64_t(header->numbers) +
+                         sizeof(Stratum) * std::uint64_t(header->strata) +
+                         sizeof(MediumPoint) * std::uint64_t(header->points))
     return std::nullopt;
   DeepRow row;
-  row.nearest = header.nearest;
-  row.error = header.error;
-  take(bytes, header.numbers, row.unreflected);
-  take(bytes, header.numbers, row.reflected);
-  take(bytes, header.strata, row.strata.strata);
-  take(bytes, header.points, row.strata.points);
+  row.nearest = header->nearest;
+  row.error = header->error;
+  take(bytes, header->numbers, row.unreflected);
+  take(bytes, header->numbers, row.reflected);
+  take(bytes, header->strata, row.strata.strata);
+  take(bytes, header->points, row.strata.points);
   std::uint32_t end = 0;
   for (const Stratum& s : row.strata.strata) {
-    if (s.points_end < end || s.points_end > header.points) return std::nullopt;
+    if (s.points_end < end || s.points_end > header->points) return std::nullopt;
     end = s.points_end;
   }
   return row;
@@ -87,38 +95,36 @@ std::vector<unsigned char> bytes_of(const DeepSolution& s) {
                               s.reflected_fluence.size(),
                               s.changes.size()};
   std::vector<unsigned char> bytes;
-  append(bytes, std::vector<SolutionHeader>{header});
-  append(bytes, s.light.surface);
-  append(bytes, s.before);
-  append(bytes, s.light.volume);
-  append(bytes, s.reflected_fluence);
-  append(bytes, s.changes);
+  append(bytes, std::span(&header, 1));
+  append(bytes, std::span(s.light.surface));
+  append(bytes, std::span(s.before));
+  append(bytes, std::span(s.light.volume));
+  append(bytes, std::span(s.reflected_fluence));
+  append(bytes, std::span(s.changes));
   return bytes;
 }
 
 std::optional<DeepSolution> solution_of(std::span<const unsigned char> bytes) {
-  SolutionHeader header{};
-  if (bytes.size() < sizeof header) return std::nullopt;
-  std::memcpy(&header, bytes.data(), sizeof header);
-  bytes = bytes.subspan(sizeof header);
-  for (const std::uint64_t count : {header.surface, header.moments, header.volume, header.changes})
+  const auto header = take_header<SolutionHeader>(bytes);
+  if (!header) return std::nullopt;
+  for (const std::uint64_t count : {header->surface, header->moments, header->volume, header->changes})
     if (count > bytes.size()) return std::nullopt;
-  if (bytes.size() < sizeof(RgbD) * (2 * header.surface + header.moments + header.volume) +
-                         sizeof(double) * header.changes)
+  if (bytes.size() < sizeof(RgbD) * (2 * header->surface + header->moments + header->volume) +
+                         sizeof(double) * header->changes)
     return std::nullopt;
   DeepSolution s;
-  take(bytes, header.surface, s.light.surface);
-  take(bytes, header.surface, s.before);
-  take(bytes, header.moments, s.light.volume);
-  take(bytes, header.volume, s.reflected_fluence);
-  take(bytes, header.changes, s.changes);
-  s.orders = header.orders;
-  s.scatterings = header.scatterings;
-  s.is_accelerated = header.is_accelerated != 0;
-  s.applications = header.applications;
-  s.ratio = header.ratio;
-  s.truncation_bound = header.truncation_bound;
-  s.strata = header.strata;
+  take(bytes, header->surface, s.light.surface);
+  take(bytes, header->surface, s.before);
+  take(bytes, header->moments, s.light.volume);
+  take(bytes, header->volume, s.reflected_fluence);
+  take(bytes, header->changes, s.changes);
+  s.orders = header->orders;
+  s.scatterings = header->scatterings;
+  s.is_accelerated = header->is_accelerated != 0;
+  s.applications = header->applications;
+  s.ratio = header->ratio;
+  s.truncation_bound = header->truncation_bound;
+  s.strata = header->strata;
   return s;
 }
 

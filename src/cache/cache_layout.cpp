@@ -36,25 +36,31 @@ struct Field {
   RecordKind kind;
   std::size_t offset, count;
 };
-#define BRUME_FIELD(name, unit, type, count) \
-  Field { #name, unit, type, RecordKind::Surface, offsetof(SurfaceRecord, name), count }
+#define BRUME_FIELD(kind, name, unit, type, count) \
+  Field { #name, unit, type, RecordKind::kind, offsetof(kind##Record, name), count }
 constexpr Field kSurfaceFields[] = {
-    BRUME_FIELD(position, "world", "f32", 3),      BRUME_FIELD(normal, "1", "f32", 3),
-    BRUME_FIELD(irradiance, "W/m^2", "f32", 3),    BRUME_FIELD(gradient, "W/m^2/world", "f32", 9),
-    BRUME_FIELD(rotational, "W/m^2", "f32", 6),    BRUME_FIELD(axis, "rad", "f32", 1),
-    BRUME_FIELD(radius, "world", "f32", 2),        BRUME_FIELD(error, "W/m^2", "f32", 1),
-    BRUME_FIELD(media_share, "1", "f32", 1),       BRUME_FIELD(flags, "bits", "u32", 1),
-    BRUME_FIELD(key, "hash", "u64", 1),
+    BRUME_FIELD(Surface, position, "world", "f32", 3),
+    BRUME_FIELD(Surface, normal, "1", "f32", 3),
+    BRUME_FIELD(Surface, irradiance, "W/m^2", "f32", 3),
+    BRUME_FIELD(Surface, gradient, "W/m^2/world", "f32", 9),
+    BRUME_FIELD(Surface, rotational, "W/m^2", "f32", 6),
+    BRUME_FIELD(Surface, axis, "rad", "f32", 1),
+    BRUME_FIELD(Surface, radius, "world", "f32", 2),
+    BRUME_FIELD(Surface, error, "W/m^2", "f32", 1),
+    BRUME_FIELD(Surface, media_share, "1", "f32", 1),
+    BRUME_FIELD(Surface, flags, "bits", "u32", 1),
+    BRUME_FIELD(Surface, key, "hash", "u64", 1),
 };
-#undef BRUME_FIELD
-#define BRUME_FIELD(name, unit, type, count) \
-  Field { #name, unit, type, RecordKind::Volume, offsetof(VolumeRecord, name), count }
-// Before the moments, whose count follows from the order.
+// Before the moments, whose count follows from their order.
 constexpr Field kVolumeFields[] = {
-    BRUME_FIELD(position, "world", "f32", 3), BRUME_FIELD(radius, "world", "f32", 3),
-    BRUME_FIELD(axes, "1", "f32", 4),         BRUME_FIELD(error, "W/m^2", "f32", 1),
-    BRUME_FIELD(media_share, "1", "f32", 1),  BRUME_FIELD(flags, "bits", "u32", 1),
-    BRUME_FIELD(clearance, "world", "f32", 1), BRUME_FIELD(key, "hash", "u64", 1),
+    BRUME_FIELD(Volume, position, "world", "f32", 3),
+    BRUME_FIELD(Volume, radius, "world", "f32", 3),
+    BRUME_FIELD(Volume, axes, "1", "f32", 4),
+    BRUME_FIELD(Volume, error, "W/m^2", "f32", 1),
+    BRUME_FIELD(Volume, media_share, "1", "f32", 1),
+    BRUME_FIELD(Volume, flags, "bits", "u32", 1),
+    BRUME_FIELD(Volume, clearance, "world", "f32", 1),
+    BRUME_FIELD(Volume, key, "hash", "u64", 1),
 };
 #undef BRUME_FIELD
 static_assert(std::size(kSurfaceFields) + std::size(kVolumeFields) + 1 <= kMaxFields);

@@ -2,9 +2,6 @@
 //
 // Gradients are shown per metre, whatever the scene's unit; positions and radii in scene units
 // (SPEC).
-#include <array>
-#include <cmath>
-
 #include "cli/cache_session.h"
 #include "cli/commands.h"
 #include "cli/outputs.h"
@@ -37,10 +34,9 @@ struct ProbeOptions {
 struct Answers {
   GatherPoint point;
   GatherResult gather;
-  std::array<GradientTerms, kGradientModes.size()> by_mode;
+  ProbedGradients gradients;
   RgbD direct;
   double radius = 0;
-  std::optional<FiniteDifference> difference;
   std::vector<CellSweepRow> sweep;
 };
 
@@ -87,7 +83,7 @@ Answers gather_answers(const ProbeOptions& options, const Lighting& lighting,
     Gatherer gatherer(lighting, effects, all);
     a.gather = gatherer.gather(a.point, below, statistics.counters);
     for (std::size_t m = 0; m < kGradientModes.size(); ++m)
-      a.by_mode[m] = gatherer.gradient(kGradientModes[m]);
+      a.gradients.by_mode[m] = gatherer.gradient(kGradientModes[m]);
   }
   a.direct = direct_irradiance(lighting, a.point.position + a.point.normal * a.point.offset,
                                a.point.normal, kDirectSamples, random_key(a.point.key, 1),
@@ -106,7 +102,8 @@ Answers gather_answers(const ProbeOptions& options, const Lighting& lighting,
     };
     const std::optional<Frame> surface =
         a.point.offset > 0 ? std::optional(Frame(a.point.normal)) : std::nullopt;
-    a.difference = finite_difference(irradiance, surface, *options.finite_difference, seed);
+    a.gradients.difference =
+        finite_difference(irradiance, surface, *options.finite_difference, seed);
   }
   if (options.sweep_cells) {
     std::vector<std::uint64_t> keys;
@@ -114,12 +111,6 @@ Answers gather_answers(const ProbeOptions& options, const Lighting& lighting,
     a.sweep = sweep_cells(lighting, effects, a.point, below, point_options, keys);
   }
   return a;
-}
-
-const GradientTerms& terms_of(const Answers& a, GradientMode mode) {
-  for (std::size_t m = 0; m < kGradientModes.size(); ++m)
-    if (kGradientModes[m] == mode) return a.by_mode[m];
-  throw Error(ErrorKind::Internal, "unknown gradient mode");
 }
 
 Json sweep_json(const std::vector<CellSweepRow>& sweep, GradientMode mode, double per_metre) {
@@ -140,7 +131,6 @@ Json sweep_json(const std::vector<CellSweepRow>& sweep, GradientMode mode, doubl
 
 Json answers_json(const Answers& a, const GatherOptions& gather, double per_metre,
                   const Statistics& statistics) {
-  const GradientTerms& terms = terms_of(a, gather.gradient);
   Json all = Json::object();
   all["position"] = json_of(a.point.position);
   all["normal"] = json_of(a.point.normal);
@@ -149,21 +139,8 @@ Json answers_json(const Answers& a, const GatherOptions& gather, double per_metr
   all["irradiance_surface"] = json_of(a.gather.irradiance_surface);
   all["irradiance_media"] = json_of(a.gather.irradiance_media);
   all["irradiance_error"] = a.gather.error;
-  all["mode"] = gradient_mode_name(gather.gradient);
-  all["gradient"] = json_of(terms.sum() * per_metre);
-  all["gradient_terms"] = {{"radial", json_of(terms.radial * per_metre)},
-                           {"walls", json_of(terms.walls * per_metre)},
-                           {"grad_sigma", json_of(terms.grad_sigma * per_metre)},
-                           {"directional", json_of(terms.directional * per_metre)}};
-  Json modes = Json::object();
-  for (std::size_t m = 0; m < kGradientModes.size(); ++m)
-    modes[gradient_mode_name(kGradientModes[m])] = json_of(a.by_mode[m].sum() * per_metre);
-  all["gradient_modes"] = modes;
+  add_gradients(all, a.gradients, gather.gradient, per_metre);
   all["gradient_rotational"] = json_of(a.gather.rotational);
-  if (a.difference) {
-    all["finite_difference"] = json_of(a.difference->value * per_metre);
-    all["finite_difference_noise"] = json_of(a.difference->noise * per_metre);
-  }
   if (!a.sweep.empty()) all["sweep"] = sweep_json(a.sweep, gather.gradient, per_metre);
   all["radius"] = {a.radius, a.radius};
   all["cells"] = {gather.cells_theta, gather.cells_phi};
@@ -210,22 +187,8 @@ void print_answers(const CommandContext& context, const Answers& a, const Gather
   out << "standard error of luminance " << shown_number(a.gather.error) << "; radius "
       << shown_number(a.radius) << "; " << gather.cells_theta << 'x' << gather.cells_phi
       << " cells, " << a.gather.shells << " shells\n\n";
-  const GradientTerms& terms = terms_of(a, gather.gradient);
-  std::vector<std::vector<std::string>> rows{{"W/m^3", "", "d/dx", "d/dy", "d/dz"}};
-  add_gradient_rows(rows, std::string("gradient, ") + gradient_mode_name(gather.gradient),
-                    terms.sum() * per_metre);
-  add_gradient_rows(rows, "  radial", terms.radial * per_metre);
-  add_gradient_rows(rows, "  walls", terms.walls * per_metre);
-  add_gradient_rows(rows, "  grad_sigma", terms.grad_sigma * per_metre);
-  add_gradient_rows(rows, "  directional", terms.directional * per_metre);
-  if (a.difference) {
-    add_gradient_rows(rows, "finite difference", a.difference->value * per_metre);
-    add_gradient_rows(rows, "  its noise", a.difference->noise * per_metre);
-  }
-  for (std::size_t m = 0; m < kGradientModes.size(); ++m)
-    if (kGradientModes[m] != gather.gradient && kGradientModes[m] != GradientMode::None)
-      add_gradient_rows(rows, std::string("mode ") + gradient_mode_name(kGradientModes[m]),
-                        a.by_mode[m].sum() * per_metre);
+  std::vector<std::vector<std::string>> rows =
+      gradient_rows(a.gradients, gather.gradient, per_metre);
   add_gradient_rows(rows, "rotational [W/m^2]", a.gather.rotational);
   print_table(out, rows);
   if (!a.sweep.empty()) print_sweep(out, a.sweep, gather.gradient, per_metre);

@@ -5,17 +5,6 @@
 #include "cli/text_table.h"
 
 namespace brume {
-namespace {
-
-RgbGradient of_mode(const VolumeProbe& probe, GradientMode mode) {
-  RgbGradient found;
-  for (std::size_t m = 0; m < kGradientModes.size(); ++m)
-    if (kGradientModes[m] == mode) found = probe.by_mode[m];
-  return found;
-}
-
-}  // namespace
-
 VolumeProbe probe_volume(const Lighting& lighting, const BakeSettings& settings,
                          const IrradianceCache& deeper, const VolumeProbeRequest& request,
                          Counters& counters) {
@@ -33,9 +22,8 @@ VolumeProbe probe_volume(const Lighting& lighting, const BakeSettings& settings,
   probe.surface = g.fluence_surface;
   probe.media = g.fluence_media;
   probe.error = g.error;
-  probe.terms = gatherer.terms(0);
   for (std::size_t m = 0; m < kGradientModes.size(); ++m)
-    probe.by_mode[m] = gatherer.gradients(kGradientModes[m])[0];
+    probe.gradients.by_mode[m] = gatherer.gradients(kGradientModes[m])[0];
   probe.radii = volume_record_radii(lighting, request.position);
   if (request.step) {
     options.gradient = GradientMode::None;
@@ -44,7 +32,8 @@ VolumeProbe probe_volume(const Lighting& lighting, const BakeSettings& settings,
     const auto fluence = [&](std::uint64_t key, const Vec3d& shift) {
       return values.gather(request.position + shift, key, below, of_differences).moments[0];
     };
-    probe.difference = finite_difference(fluence, std::nullopt, *request.step, request.seed);
+    probe.gradients.difference =
+        finite_difference(fluence, std::nullopt, *request.step, request.seed);
   }
   return probe;
 }
@@ -57,34 +46,13 @@ Json volume_probe_json(const VolumeProbe& probe, const GatherOptions& gather, do
   all["fluence_surface"] = json_of(probe.surface);
   all["fluence_media"] = json_of(probe.media);
   all["fluence_error"] = probe.error;
-  all["mode"] = gradient_mode_name(gather.gradient);
-  all["gradient"] = json_of(of_mode(probe, gather.gradient) * per_metre);
-  all["gradient_terms"] = {{"radial", json_of(probe.terms.radial * per_metre)},
-                           {"walls", json_of(probe.terms.walls * per_metre)},
-                           {"grad_sigma", json_of(probe.terms.grad_sigma * per_metre)},
-                           {"directional", json_of(probe.terms.directional * per_metre)}};
-  Json modes = Json::object();
-  for (std::size_t m = 0; m < kGradientModes.size(); ++m)
-    modes[gradient_mode_name(kGradientModes[m])] = json_of(probe.by_mode[m] * per_metre);
-  all["gradient_modes"] = modes;
-  if (probe.difference) {
-    all["finite_difference"] = json_of(probe.difference->value * per_metre);
-    all["finite_difference_noise"] = json_of(probe.difference->noise * per_metre);
-  }
+  add_gradients(all, probe.gradients, gather.gradient, per_metre);
   all["radius"] = json_of(probe.radii);
   all["cells"] = {gather.cells_theta, gather.cells_phi};
   all["rays"] = statistics.counters.rays;
   all["segments"] = statistics.counters.segments;
   all["seconds"] = statistics.total_seconds();
   return all;
-}
-
-void add_gradient_rows(std::vector<std::vector<std::string>>& rows, const std::string& name,
-                       const RgbGradient& g) {
-  const char* const channels[] = {"R", "G", "B"};
-  for (int c = 0; c < 3; ++c)
-    rows.push_back({c == 0 ? name : "", channels[c], shown_number(g[c].x), shown_number(g[c].y),
-                    shown_number(g[c].z)});
 }
 
 void print_volume_probe(std::ostream& out, const VolumeProbe& probe, const GatherOptions& gather,
@@ -100,22 +68,7 @@ void print_volume_probe(std::ostream& out, const VolumeProbe& probe, const Gathe
       << shown_number(probe.radii.x) << ' ' << shown_number(probe.radii.y) << ' '
       << shown_number(probe.radii.z) << "; " << gather.cells_theta << 'x' << gather.cells_phi
       << " cells\n\n";
-  std::vector<std::vector<std::string>> rows{{"W/m^3", "", "d/dx", "d/dy", "d/dz"}};
-  add_gradient_rows(rows, std::string("gradient, ") + gradient_mode_name(gather.gradient),
-                    of_mode(probe, gather.gradient) * per_metre);
-  add_gradient_rows(rows, "  radial", probe.terms.radial * per_metre);
-  add_gradient_rows(rows, "  walls", probe.terms.walls * per_metre);
-  add_gradient_rows(rows, "  grad_sigma", probe.terms.grad_sigma * per_metre);
-  add_gradient_rows(rows, "  directional", probe.terms.directional * per_metre);
-  if (probe.difference) {
-    add_gradient_rows(rows, "finite difference", probe.difference->value * per_metre);
-    add_gradient_rows(rows, "  its noise", probe.difference->noise * per_metre);
-  }
-  for (std::size_t m = 0; m < kGradientModes.size(); ++m)
-    if (kGradientModes[m] != gather.gradient && kGradientModes[m] != GradientMode::None)
-      add_gradient_rows(rows, std::string("mode ") + gradient_mode_name(kGradientModes[m]),
-                        probe.by_mode[m] * per_metre);
-  print_table(out, rows);
+  print_table(out, gradient_rows(probe.gradients, gather.gradient, per_metre));
 }
 
 }  // namespace brume

@@ -211,8 +211,8 @@ void add_accuracy_options(CLI::App& app, CommandContext& context, AccuracyOption
         if (text != "auto") count = static_cast<int>(parse_integer(option, text, 0, 1'000'000));
         return std::optional<std::optional<int>>(count);
       },
-      "Scatterings in the medium between two surfaces: 0 none, 1 light straight from lights, n, "
-      "without a cache file (auto is 1)"));
+      "Scatterings in the medium between two surfaces: 0 none, 1 light straight from lights, n "
+      "(auto is 1)"));
   setting(add_parsed(
       app, "--seed", "N", options.seed,
       [](const std::string& option, const std::string& text) {

@@ -15,7 +15,7 @@ struct VolumeGatherer::Impl {
                             Counters& counters);
   void add_full_terms(Counters& counters);
   void add_walls(std::vector<GradientTerms>& to) const;
-  std::vector<RgbGradient> gradients(GradientMode of, Counters& counters);
+  std::vector<GradientTerms> gradients(GradientMode of, Counters& counters);
 
   std::size_t count() const { return harmonic_count(order); }
   // Of the middle of a cell, where what is not a sample's is weighted.
@@ -67,7 +67,6 @@ VolumeGatherResult VolumeGatherer::Impl::gather(const Vec3d& position, std::uint
   }
   result.error = std::sqrt(spread * cells.count() / double(cells.walls().size()));
   if (mode == GradientMode::Full) add_full_terms(counters);
-  result.gradients = gradients(mode, counters);
   return result;
 }
 
@@ -102,31 +101,28 @@ void VolumeGatherer::Impl::add_full_terms(Counters& counters) {
   }
 }
 
-std::vector<RgbGradient> VolumeGatherer::Impl::gradients(GradientMode of, Counters& counters) {
-  std::vector<RgbGradient> sum(count());
+std::vector<GradientTerms> VolumeGatherer::Impl::gradients(GradientMode of, Counters& counters) {
+  std::vector<GradientTerms> terms(count());
   switch (of) {
     case GradientMode::None:
       break;
     case GradientMode::Full:
-      for (std::size_t k = 0; k < count(); ++k) sum[k] = kept[k].sum();
-      break;
+      return kept;
     case GradientMode::Media:
+      // All of it is the medium's change along the ray.
       if (!around.has_moving_medium()) break;
       for (int c = 0; c < around.cells().count(); ++c) {
         const RgbGradient moved = around.moving_medium(c, counters);
         const Harmonics y = at_middle(c);
         for (std::size_t k = 0; k < count(); ++k)
-          sum[k] += moved * (around.cells().cell(c).measure * y[k]);
+          terms[k].grad_sigma += moved * (around.cells().cell(c).measure * y[k]);
       }
       break;
-    case GradientMode::WardHeckbert: {
+    case GradientMode::WardHeckbert:
       around.use_surface_distances();
-      std::vector<GradientTerms> walls(count());
-      add_walls(walls);
-      for (std::size_t k = 0; k < count(); ++k) sum[k] = walls[k].walls;
-    }
+      add_walls(terms);
   }
-  return sum;
+  return terms;
 }
 
 VolumeGatherer::VolumeGatherer(const Lighting& lighting, const Effects& effects,
@@ -139,13 +135,11 @@ VolumeGatherResult VolumeGatherer::gather(const Vec3d& position, std::uint64_t k
   return impl_->gather(position, key, light, counters);
 }
 
-std::vector<RgbGradient> VolumeGatherer::gradients(GradientMode mode) {
+std::vector<GradientTerms> VolumeGatherer::gradients(GradientMode mode) {
   Counters counters;
   return impl_->gradients(mode, counters);
 }
 
 const Strata& VolumeGatherer::strata() const { return impl_->around.strata(); }
-
-GradientTerms VolumeGatherer::terms(int k) const { return impl_->kept[k]; }
 
 }  // namespace brume

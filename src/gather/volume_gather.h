@@ -12,10 +12,9 @@
 namespace brume {
 
 struct VolumeGatherResult {
-  // harmonic_count(order) of each; the first is the fluence [W/m^2]. Per world unit.
+  // harmonic_count(order) of each; the first is the fluence [W/m^2].
   std::vector<RgbD> moments;
   std::vector<RgbD> reflected;  // Part of moments: what surfaces reflect.
-  std::vector<RgbGradient> gradients;
   RgbD fluence_surface, fluence_media;
   double error = 0;           // Estimated standard error of the fluence's luminance.
   double nearest = kInfinity; // Of the surfaces seen.
@@ -35,10 +34,9 @@ class VolumeGatherer {
 
   // The strata of the last gather() that other light at their hits or in the medium would change.
   const Strata& strata() const;
-  // Gradients of another mode from the samples of the last gather(), which ran in mode Full.
-  std::vector<RgbGradient> gradients(GradientMode mode);
-  // Those of mode Full term by term, of moment k.
-  GradientTerms terms(int k) const;
+  // Gradients of the moments, per world unit, from the samples of the last gather(), which ran in mode
+  // Full.
+  std::vector<GradientTerms> gradients(GradientMode mode);
 
  private:
   struct Impl;

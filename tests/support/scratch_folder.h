@@ -1,9 +1,11 @@
-// A folder of a test's own, gone with it.
+// A folder of a test's own, gone with it, and what its files hold.
 #pragma once
 
 #include <stdlib.h>
 
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <stdexcept>
 #include <string>
 
@@ -29,5 +31,12 @@ class ScratchFolder {
  private:
   std::filesystem::path path_;
 };
+
+// Throws where the file cannot be read.
+inline std::string read_bytes(const std::filesystem::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  if (!stream) throw std::runtime_error("cannot read " + file.string());
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
 
 }  // namespace brume

@@ -157,6 +157,20 @@ TEST_F(VolumeProbe, JsonHasTheKeysThatScriptsRelyOn) {
   }
 }
 
+TEST_F(VolumeProbe, TermsSumToTheGradientInEveryMode) {
+  for (const char* mode : {"none", "ward-heckbert", "media", "full"}) {
+    const auto json = probe({"--json", "--gradient", mode}).json();
+    EXPECT_EQ(json["mode"], mode);
+    EXPECT_EQ(json["gradient"], json["gradient_modes"][mode]);
+    for (int c = 0; c < 3; ++c)
+      for (int a = 0; a < 3; ++a) {
+        double sum = 0;
+        for (const auto& [name, term] : json["gradient_terms"].items()) sum += double(term[c][a]);
+        EXPECT_NEAR(sum, double(json["gradient"][c][a]), 1e-9) << mode;
+      }
+  }
+}
+
 TEST_F(VolumeProbe, GradientsMatchTheirFiniteDifferences) {
   // Light scattered once, and that which scatters on from volume records, with bounces.
   for (const std::vector<std::string>& light :

@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <string>
 
-#include "unit/data_gen/temporary_folder.h"
+#include "support/scratch_folder.h"
 #include "vdb_media/grid_file.h"
 
 namespace brume {
@@ -24,7 +24,7 @@ class DataGenProgram : public testing::Test {
     const std::string command = "cd '" + files().string() + "' && '" BRUME_DATA_GEN "' " +
                                 arguments + " >'" + out.string() + "' 2>'" + err.string() + "'";
     const int status = std::system(command.c_str());
-    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, bytes_of(out), bytes_of(err)};
+    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_bytes(out), read_bytes(err)};
   }
   // Where it runs, and where nothing but what it writes is.
   fs::path files() {
@@ -33,7 +33,7 @@ class DataGenProgram : public testing::Test {
   }
 
  private:
-  TemporaryFolder folder_;
+  ScratchFolder folder_;
 };
 
 TEST_F(DataGenProgram, ShowsExamplesAndItsVersion) {
@@ -92,7 +92,7 @@ TEST_F(DataGenProgram, TakesParametersThatBeginWithAMinus) {
 TEST_F(DataGenProgram, RepeatsItsBytes) {
   ASSERT_EQ(run("field dust -o a.vdb --voxel 0.1 -t 1").status, 0);
   ASSERT_EQ(run("field dust -o b.vdb --voxel 0.1 -t 2").status, 0);
-  EXPECT_EQ(bytes_of(files() / "a.vdb"), bytes_of(files() / "b.vdb"));
+  EXPECT_EQ(read_bytes(files() / "a.vdb"), read_bytes(files() / "b.vdb"));
 }
 
 TEST_F(DataGenProgram, WritesReferenceScenesByName) {

@@ -9,7 +9,7 @@
 #include "data_gen/oracle_scenes.h"
 #include "data_gen/smoky_cornell.h"
 #include "scene/scene_file.h"
-#include "unit/data_gen/temporary_folder.h"
+#include "support/scratch_folder.h"
 
 namespace brume {
 namespace {
@@ -24,7 +24,7 @@ SmokyCornellOptions small_cornell() {
 }
 
 TEST(SmokyCornell, WritesTheSameBytesForAnyNumberOfThreads) {
-  const TemporaryFolder a, b;
+  const ScratchFolder a, b;
   SmokyCornellOptions options = small_cornell();
   options.threads = 1;
   const auto first = write_smoky_cornell(a.path(), options);
@@ -32,23 +32,23 @@ TEST(SmokyCornell, WritesTheSameBytesForAnyNumberOfThreads) {
   const auto second = write_smoky_cornell(b.path(), options);
   ASSERT_EQ(first.size(), 4u);
   for (std::size_t i = 0; i < first.size(); ++i) {
-    EXPECT_FALSE(bytes_of(first[i]).empty());
-    EXPECT_EQ(bytes_of(first[i]), bytes_of(second[i])) << first[i];
+    EXPECT_FALSE(read_bytes(first[i]).empty());
+    EXPECT_EQ(read_bytes(first[i]), read_bytes(second[i])) << first[i];
   }
 }
 
 TEST(SmokyCornell, AnotherSeedIsOtherSmokeInTheSameBox) {
-  const TemporaryFolder a, b;
+  const ScratchFolder a, b;
   SmokyCornellOptions options = small_cornell();
   const auto first = write_smoky_cornell(a.path(), options);
   options.seed += 1;
   const auto second = write_smoky_cornell(b.path(), options);
-  for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(bytes_of(first[i]), bytes_of(second[i]));
-  EXPECT_NE(bytes_of(first[3]), bytes_of(second[3]));
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(read_bytes(first[i]), read_bytes(second[i]));
+  EXPECT_NE(read_bytes(first[3]), read_bytes(second[3]));
 }
 
 TEST(SmokyCornell, AFlightIsNamedCamerasThatMoveLittleAtATime) {
-  const TemporaryFolder folder;
+  const ScratchFolder folder;
   SmokyCornellOptions options = small_cornell();
   options.flight_frames = 24;
   const Scene scene = load_scene(write_smoky_cornell(folder.path(), options).front(), {});
@@ -64,7 +64,7 @@ TEST(SmokyCornell, AFlightIsNamedCamerasThatMoveLittleAtATime) {
 }
 
 TEST(SmokyCornell, LoadsAsItWasMeant) {
-  const TemporaryFolder folder;
+  const ScratchFolder folder;
   const Scene scene = load_scene(write_smoky_cornell(folder.path(), small_cornell()).front(), {});
   EXPECT_TRUE(scene.warnings.empty()) << scene.warnings.front();
   EXPECT_EQ(scene.film.width, 32);
@@ -87,7 +87,7 @@ TEST(SmokyCornell, LoadsAsItWasMeant) {
 }
 
 TEST(SmokyCornell, RefusesSizesOutOfRange) {
-  const TemporaryFolder folder;
+  const ScratchFolder folder;
   for (const int resolution : {-1, 0, 1, 100000}) {
     SmokyCornellOptions options = small_cornell();
     options.resolution = resolution;
@@ -123,7 +123,7 @@ std::vector<Face> faces(const Scene& scene) {
 }
 
 TEST_P(OracleScenes, FileAndMemoryAgree) {
-  const TemporaryFolder folder;
+  const ScratchFolder folder;
   const Scene memory = make_scene(GetParam());
   const Scene file = load_scene(write_oracle_scene(GetParam(), folder.path()).front(), {});
   EXPECT_TRUE(file.warnings.empty()) << file.warnings.front();

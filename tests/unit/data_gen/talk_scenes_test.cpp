@@ -11,7 +11,7 @@
 #include "core/error.h"
 #include "scene/scene_file.h"
 #include "scene/world.h"
-#include "unit/data_gen/temporary_folder.h"
+#include "support/scratch_folder.h"
 
 namespace brume {
 namespace {
@@ -26,7 +26,7 @@ TalkSceneOptions small() {
 }
 
 Scene load(const std::string& name, const TalkSceneOptions& options = small()) {
-  const TemporaryFolder folder;
+  const ScratchFolder folder;
   return load_scene(write_talk_scene(name, folder.path(), options).front(), {});
 }
 
@@ -64,7 +64,7 @@ TEST_P(TalkScenes, LoadWithoutAWarning) {
 }
 
 TEST_P(TalkScenes, AreTheSameBytesForAnyNumberOfThreads) {
-  const TemporaryFolder a, b;
+  const ScratchFolder a, b;
   TalkSceneOptions options = small();
   options.threads = 1;
   const auto first = write_talk_scene(GetParam(), a.path(), options);
@@ -72,7 +72,7 @@ TEST_P(TalkScenes, AreTheSameBytesForAnyNumberOfThreads) {
   const auto second = write_talk_scene(GetParam(), b.path(), options);
   ASSERT_EQ(first.size(), second.size());
   for (std::size_t i = 0; i < first.size(); ++i)
-    EXPECT_EQ(bytes_of(first[i]), bytes_of(second[i])) << first[i];
+    EXPECT_EQ(read_bytes(first[i]), read_bytes(second[i])) << first[i];
 }
 
 TEST_P(TalkScenes, TakeTheMediumThatIsAskedFor) {
@@ -162,7 +162,7 @@ TEST(TalkScene, DiscoThrowsEachBeamPastItsOwnBall) {
 }
 
 TEST(TalkScene, RefusesWhatIsOutOfRange) {
-  const TemporaryFolder folder;
+  const ScratchFolder folder;
   const auto refused = [&](auto change) {
     TalkSceneOptions options = small();
     change(options);

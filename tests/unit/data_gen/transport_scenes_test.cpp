@@ -13,7 +13,7 @@
 #include "scene/camera_rays.h"
 #include "scene/scene_file.h"
 #include "scene/world.h"
-#include "unit/data_gen/temporary_folder.h"
+#include "support/scratch_folder.h"
 
 namespace brume {
 namespace {
@@ -21,14 +21,14 @@ namespace {
 namespace fs = std::filesystem;
 
 Scene load(const SlabOptions& options) {
-  const TemporaryFolder folder;
+  const ScratchFolder folder;
   Scene scene = load_scene(write_slab(folder.path(), options).front(), {});
   EXPECT_TRUE(scene.warnings.empty()) << scene.warnings.front();
   return scene;
 }
 
 Scene load(const FurnaceOptions& options) {
-  const TemporaryFolder folder;
+  const ScratchFolder folder;
   Scene scene = load_scene(write_furnace(folder.path(), options).front(), {});
   EXPECT_TRUE(scene.warnings.empty()) << scene.warnings.front();
   return scene;
@@ -108,7 +108,7 @@ TEST(SlabScene, FullLightShowsAsOne) {
 
   options.incidence = SlabOptions::Incidence::Diffuse;
   // The sky's file must outlive this.
-  const TemporaryFolder folder;
+  const ScratchFolder folder;
   const Scene scene = load_scene(write_slab(folder.path(), options).front(), {});
   const World world(scene);
   const Light& sky = *world.lights().at(0);
@@ -128,7 +128,7 @@ TEST(SlabScene, FullLightShowsAsOne) {
 }
 
 TEST(SlabScene, WritesItsFilesAndTheSameBytesAgain) {
-  const TemporaryFolder a, b;
+  const ScratchFolder a, b;
   SlabOptions options;
   EXPECT_EQ(write_slab(a.path(), options).size(), 2u);
   options.incidence = SlabOptions::Incidence::Diffuse;
@@ -137,11 +137,11 @@ TEST(SlabScene, WritesItsFilesAndTheSameBytesAgain) {
   ASSERT_EQ(first.size(), 4u);
   EXPECT_EQ(first.front().filename(), "slab.json");
   for (std::size_t i = 0; i < first.size(); ++i)
-    EXPECT_EQ(bytes_of(first[i]), bytes_of(second[i])) << first[i];
+    EXPECT_EQ(read_bytes(first[i]), read_bytes(second[i])) << first[i];
 }
 
 TEST(SlabScene, RefusesWhatIsOutOfRange) {
-  const TemporaryFolder folder;
+  const ScratchFolder folder;
   const auto refused = [&](auto change) {
     SlabOptions options;
     change(options);
@@ -205,7 +205,7 @@ TEST(FurnaceScene, LumpsKeepTheMeanDepth) {
 }
 
 TEST(FurnaceScene, IsTheSameBytesForAnyNumberOfThreads) {
-  const TemporaryFolder a, b;
+  const ScratchFolder a, b;
   FurnaceOptions options;
   options.resolution = 12;
   options.threads = 1;
@@ -214,13 +214,13 @@ TEST(FurnaceScene, IsTheSameBytesForAnyNumberOfThreads) {
   const auto second = write_furnace(b.path(), options);
   ASSERT_EQ(first.size(), 3u);
   for (std::size_t i = 0; i < first.size(); ++i)
-    EXPECT_EQ(bytes_of(first[i]), bytes_of(second[i])) << first[i];
+    EXPECT_EQ(read_bytes(first[i]), read_bytes(second[i])) << first[i];
   options.seed += 1;
-  EXPECT_NE(bytes_of(write_furnace(a.path(), options)[2]), bytes_of(second[2]));
+  EXPECT_NE(read_bytes(write_furnace(a.path(), options)[2]), read_bytes(second[2]));
 }
 
 TEST(FurnaceScene, RefusesWhatIsOutOfRange) {
-  const TemporaryFolder folder;
+  const ScratchFolder folder;
   const auto refused = [&](auto change) {
     FurnaceOptions options;
     change(options);

@@ -8,7 +8,7 @@
 
 #include "core/error.h"
 #include "scene/scene_file.h"
-#include "unit/scene/temporary_folder.h"
+#include "support/scratch_folder.h"
 
 namespace brume {
 namespace {
@@ -39,7 +39,7 @@ class MeshImportTest : public testing::Test {
     return "";
   }
 
-  TemporaryFolder folder_;
+  ScratchFolder folder_;
 };
 
 Vec3d face_normal(const TriangleMesh& mesh, std::size_t i) {

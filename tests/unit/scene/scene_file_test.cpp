@@ -10,7 +10,7 @@
 #include <sstream>
 
 #include "core/error.h"
-#include "unit/scene/temporary_folder.h"
+#include "support/scratch_folder.h"
 #include "vdb_media/grid_writer.h"
 
 namespace brume {
@@ -55,7 +55,7 @@ class SceneFileTest : public testing::Test {
     return message;
   }
 
-  TemporaryFolder folder_;
+  ScratchFolder folder_;
 };
 
 // Grids of one value in `count`^3 voxels, at the same place.
@@ -496,7 +496,7 @@ TEST_F(SceneFileTest, CacheOfChangingInputNeedsAFrameNumber) {
 }
 
 TEST_F(SceneFileTest, ConfinementRefusesWhatLeavesTheFolder) {
-  const TemporaryFolder outside;
+  const ScratchFolder outside;
   std::ofstream(outside.path() / "tri.obj") << kTriangle;
   std::filesystem::create_symlink(outside.path() / "tri.obj", folder_.path() / "link.obj");
   write("inside.obj", kTriangle);

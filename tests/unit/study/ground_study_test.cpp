@@ -8,7 +8,7 @@
 #include "core/error.h"
 #include "data_gen/talk_scenes.h"
 #include "scene/scene_file.h"
-#include "unit/scene/temporary_folder.h"
+#include "support/scratch_folder.h"
 
 namespace brume {
 namespace {
@@ -16,7 +16,7 @@ namespace {
 std::size_t index_of(GradientSource source) { return static_cast<std::size_t>(source); }
 
 Scene talk_scene(const std::string& name) {
-  const TemporaryFolder folder;  // CTest runs the tests of this file beside one another.
+  const ScratchFolder folder;  // CTest runs the tests of this file beside one another.
   TalkSceneOptions options;
   options.size_px = 32;
   options.resolution = 16;
