@@ -114,7 +114,7 @@ SceneJson scene_json(const SmokyCornellOptions& options) {
                                          {"sigma_s", grey(haze_s * options.density)},
                                          {"sigma_a", grey(haze_a * options.density)},
                                          {"anisotropy", options.anisotropy.value_or(0.4)}}})},
-          {"render", {{"bounces", 3}, {"volume_bounces", 1}, {"seed", 1}, {"cells", {16, 50}}}}};
+          {"render", {{"bounces", 3}, {"volume_bounces", "auto"}, {"seed", 1}, {"cells", {16, 50}}}}};
 }
 
 }  // namespace

@@ -24,7 +24,7 @@ namespace brume {
 struct BakeSettings {
   GatherOptions gather;
   int bounces = 4;
-  int volume_bounces = 1;
+  int volume_bounces = kEveryOrder;  // Scatterings in the medium between two surfaces.
   std::uint64_t seed = 1;
   double error = 0.15;        // Split-sphere accuracy [WRC88]: radius = error * mean distance; smaller is finer.
   double min_radius = 0.002;  // Of the scene's diagonal.

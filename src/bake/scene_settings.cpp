@@ -9,7 +9,7 @@ BakeSettings settings_of(const RenderSettings& render) {
   settings.gather.shells = render.shells;
   settings.gather.step_voxels = render.step_voxels;
   settings.bounces = render.bounces;
-  settings.volume_bounces = render.volume_bounces.value_or(1);
+  settings.volume_bounces = render.volume_bounces.value_or(kEveryOrder);
   settings.seed = render.seed;
   return settings;
 }

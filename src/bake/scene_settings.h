@@ -6,7 +6,7 @@
 
 namespace brume {
 
-// The rest by default; volume_bounces `auto` is 1 until caches on disk hold records of the medium.
+// The rest by default; volume_bounces `auto` is kEveryOrder.
 BakeSettings settings_of(const RenderSettings& render);
 
 }  // namespace brume

@@ -156,7 +156,7 @@ BakeSettings AccuracyOptions::bake_settings(const BakeSettings& base) const {
   set_if(s.gather.step_voxels, step_voxels);
   set_if(s.gather.gradient, gradient);
   set_if(s.bounces, bounces);
-  if (volume_bounces) s.volume_bounces = volume_bounces->value_or(1);
+  if (volume_bounces) s.volume_bounces = volume_bounces->value_or(kEveryOrder);
   set_if(s.seed, seed);
   set_if(s.error, error);
   set_if(s.min_radius, min_radius);
@@ -211,8 +211,8 @@ void add_accuracy_options(CLI::App& app, CommandContext& context, AccuracyOption
         if (text != "auto") count = static_cast<int>(parse_integer(option, text, 0, 1'000'000));
         return std::optional<std::optional<int>>(count);
       },
-      "Scatterings in the medium between two surfaces: 0 none, 1 light straight from lights, n "
-      "(auto is 1)"));
+      "Scatterings in the medium between two surfaces: 0 none, 1 light straight from lights, n, or "
+      "as many as matter (default auto)"));
   setting(add_parsed(
       app, "--seed", "N", options.seed,
       [](const std::string& option, const std::string& text) {

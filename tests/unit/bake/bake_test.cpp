@@ -18,7 +18,8 @@ using test::Stage;
 
 bool same_bytes(const IrradianceCache& a, const IrradianceCache& b) {
   return a.records().size() == b.records().size() && a.origin() == b.origin() &&
-         std::memcmp(a.records().data(), b.records().data(), a.records().size_bytes()) == 0;
+         std::memcmp(a.records().data(), b.records().data(), a.records().size_bytes()) == 0 &&
+         a.volume()->all() == b.volume()->all();
 }
 
 BakeRequest request_of(const std::vector<BakeView>& views, int threads) {
@@ -59,7 +60,8 @@ BakeView other_view() {
 TEST(Bake, ViewsGiveTheSameBytesForAnyThreadCount) {
   const BakeResult one = smoky().bake(request_of({wide_view()}, 1));
   EXPECT_GT(one.cache->records().size(), 200u);
-  EXPECT_EQ(one.stats.records_added, one.cache->records().size());
+  EXPECT_GT(one.cache->volume()->size(), 200u);
+  EXPECT_EQ(one.stats.records_added, one.cache->size());
   EXPECT_EQ(one.deep.orders, 1);
   for (const int threads : {2, 3, 7})
     EXPECT_TRUE(same_bytes(*one.cache, *smoky().bake(request_of({wide_view()}, threads)).cache))
@@ -148,20 +150,27 @@ BakeResult stopped_bake(BakeRequest request, int n, const IrradianceCache* exist
   return smoky().bake(request, existing);
 }
 
+int questions_of(BakeRequest request) {
+  std::atomic<int> asked = 0;
+  request.stop_requested = [&] {
+    ++asked;
+    return false;
+  };
+  smoky().bake(request);
+  return asked;
+}
+
 TEST(Bake, StoppedAndResumedGivesTheBytesOfAnUnbrokenBake) {
   for (const std::vector<BakeView>& views :
        {std::vector<BakeView>{wide_view(), other_view()}, std::vector<BakeView>{}}) {
     const BakeRequest request = request_of(views, 2);
     const BakeResult whole = smoky().bake(request);
+    const int questions = questions_of(request);  // One before each gather, some thousand.
     bool was_stopped_in_cells = false;
-    // It is asked before each gather, some thousand times.
-    for (int n = 1;; n += 1 + n) {
+    for (const double when : {0.0, 0.02, 0.3, 0.6, 0.8, 0.9, 0.95, 0.99}) {
+      const int n = static_cast<int>(when * questions);
       const BakeResult part = stopped_bake(request, n);
-      if (!part.is_stopped) {
-        EXPECT_GT(n, 7);
-        EXPECT_TRUE(same_bytes(*whole.cache, *part.cache));
-        break;
-      }
+      ASSERT_TRUE(part.is_stopped);
       for (const SurfaceRecord& r : part.cache->records())
         was_stopped_in_cells |= (r.flags & kUnfinishedViewFlag) != 0;
       // Broken off a second time on the way.
@@ -170,8 +179,7 @@ TEST(Bake, StoppedAndResumedGivesTheBytesOfAnUnbrokenBake) {
       EXPECT_FALSE(rest.is_stopped);
       EXPECT_TRUE(same_bytes(*whole.cache, *rest.cache)) << views.size() << " views, n " << n;
       // What was gathered is not gathered again.
-      EXPECT_EQ(rest.stats.records_added + more.cache->records().size(),
-                whole.cache->records().size());
+      EXPECT_EQ(rest.stats.records_added + more.cache->size(), whole.cache->size());
     }
     EXPECT_TRUE(was_stopped_in_cells);
   }
@@ -192,6 +200,7 @@ TEST(Bake, ShardsTogetherAreTheBytesOfOneProcess) {
         input.file = std::to_string(i);
         input.contents.header.shards = {request_hash(request), n, {i}};
         input.contents.records.assign(part.cache->records().begin(), part.cache->records().end());
+        input.contents.volume = part.cache->volume()->all();
         std::size_t own = 0;
         for (const SurfaceRecord& r : input.contents.records)
           own += (r.flags & kUnfinishedViewFlag) != 0;
@@ -199,7 +208,10 @@ TEST(Bake, ShardsTogetherAreTheBytesOfOneProcess) {
         unfinished += own;
       }
       const MergedCache merged = merge_caches(inputs);
-      EXPECT_TRUE(same_bytes(*whole.cache, IrradianceCache(merged.records, whole.cache->origin())));
+      const Vec3d origin = whole.cache->origin();
+      EXPECT_TRUE(same_bytes(
+          *whole.cache, IrradianceCache(merged.records, origin, {},
+                                        std::make_shared<VolumeCache>(merged.volume, origin))));
       EXPECT_GT(unfinished, whole.cache->records().size() / 10) << "little was shared out";
     }
   }
@@ -217,7 +229,7 @@ TEST(Bake, ViewsOfOnePlaceShareItsCells) {
 TEST(Bake, AnUnfinishedViewIsKeptWhenAnotherIsBaked) {
   const BakeRequest request = request_of({wide_view()}, 1);
   BakeResult part;
-  for (int n = 100;; n += 200) {
+  for (int n = questions_of(request) / 2;; n += 200) {
     part = stopped_bake(request, n);
     ASSERT_TRUE(part.is_stopped);
     const SurfaceRecord& last =
@@ -249,9 +261,10 @@ TEST(Bake, NothingToHoldMeansNoRecords) {
   EXPECT_EQ(Stage(unlit).bake(test::room_view(48, 48)).cache->records().size(), 0u);
   EXPECT_EQ(Stage(unlit).bake_everywhere().cache->records().size(), 0u);
 
-  Stage direct_only(test::smoky_room(), test::coarse_settings(0));
-  const BakeResult baked = direct_only.bake(test::room_view(48, 48));
-  EXPECT_EQ(baked.cache->records().size(), 0u);
+  BakeSettings direct = test::coarse_settings(0);
+  direct.volume_bounces = 1;
+  const BakeResult baked = Stage(test::smoky_room(), direct).bake(test::room_view(48, 48));
+  EXPECT_EQ(baked.cache->size(), 0u);
   EXPECT_EQ(baked.stats.counters.rays, 0u);
 
   Scene no_surfaces;

@@ -69,7 +69,7 @@ TEST(SmokyCornell, LoadsAsItWasMeant) {
   EXPECT_TRUE(scene.warnings.empty()) << scene.warnings.front();
   EXPECT_EQ(scene.film.width, 32);
   EXPECT_EQ(scene.render.bounces, 3);
-  EXPECT_EQ(scene.render.volume_bounces, 1);
+  EXPECT_FALSE(scene.render.volume_bounces);
   EXPECT_EQ(scene.render.cells_theta, 16);
   EXPECT_EQ(scene.render.cells_phi, 50);
   EXPECT_EQ(scene.lights.size(), 2u);
