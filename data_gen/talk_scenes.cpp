@@ -102,7 +102,7 @@ std::vector<std::filesystem::path> write_parts(const std::string& name, const Ta
       {"lights", scene.lights},
       {"volumes", SceneJson::array({volume})},
       {"render",
-       {{"bounces", scene.bounces}, {"volume_bounces", "auto"}, {"seed", 1}, {"cells", {16, 50}}}}};
+       {{"bounces", scene.bounces}, {"volume_bounces", 1}, {"seed", 1}, {"cells", {16, 50}}}}};
   // Last: a scene that is there has its files.
   write_file_whole(files.front(), scene_text(json));
   return files;

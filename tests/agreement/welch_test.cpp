@@ -70,6 +70,7 @@ void expect_same_means(const Scene& scene, const Camera& camera, int path_sample
   std::vector<PixelFilm> cached, traced;
   BakeSettings settings = test::coarse_settings(1);
   settings.light_depth = LightDepth::Exact;
+  settings.volume_bounces = 1;
   Stage stage(scene, settings);
   BakeRequest request;
   request.threads = 2;
