@@ -59,7 +59,7 @@ TEST_P(TalkScenes, LoadWithoutAWarning) {
   EXPECT_FALSE(scene.lights.empty());
   EXPECT_FALSE(scene.volumes.empty());
   // Gradients are measured on single scattering; the demo shows all of it.
-  if (GetParam() != "smoky_cornell") {
+  if (GetParam() != "smoky-cornell") {
     EXPECT_EQ(scene.render.volume_bounces, 1);
   }
   EXPECT_EQ(scene.bad_voxels.total(), 0u);
