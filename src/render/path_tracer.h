@@ -7,8 +7,9 @@
 #include <functional>
 #include <optional>
 
-#include "scene/camera_rays.h"
+#include "plan/effects.h"
 #include "render/film.h"
+#include "scene/camera_rays.h"
 #include "scene/world.h"
 
 namespace brume {
@@ -26,7 +27,7 @@ enum class Transport { Full, Cached };
 struct PathTracerOptions {
   Transport transport = Transport::Full;
   int bounces = 4;                    // Cached only; Full runs until Russian roulette ends a path.
-  int volume_bounces = 1;             // Cached only; kEveryOrder (plan/effects.h): no limit.
+  int volume_bounces = kEveryOrder;   // Cached only.
   std::uint64_t seed = 1;
   int threads = 0;
   int samples = 64;                   // --spp

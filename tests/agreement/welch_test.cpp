@@ -70,7 +70,6 @@ void expect_same_means(const Scene& scene, const Camera& camera, int path_sample
   std::vector<PixelFilm> cached, traced;
   BakeSettings settings = test::coarse_settings(1);
   settings.light_depth = LightDepth::Exact;
-  settings.volume_bounces = 1;
   Stage stage(scene, settings);
   BakeRequest request;
   request.threads = 2;
@@ -86,6 +85,7 @@ void expect_same_means(const Scene& scene, const Camera& camera, int path_sample
     PathTracerOptions paths;
     paths.transport = Transport::Cached;
     paths.bounces = 1;
+    paths.volume_bounces = settings.volume_bounces;
     paths.samples = path_samples;
     paths.seed = 5000 + i;
     paths.threads = 2;

@@ -263,9 +263,15 @@ TEST_F(BadScenes, AreRefusedInOneLineThatNamesThem) {
 TEST_F(BadScenes, AnEmptyGridRendersAsVacuumWithAWarning) {
   const auto file = std::filesystem::path(BRUME_SHARED_DATA) / "malformed" / "all_zero_density.vdb";
   if (!std::filesystem::exists(file)) GTEST_SKIP() << file << " is absent";
-  const RunResult result = brume({"inspect", file.string(), "--json"});
-  EXPECT_EQ(result.code, 0) << result.err;
-  EXPECT_EQ(result.json()["grids"].size(), 1u);
+  const RunResult shown = brume({"inspect", file.string(), "--json"});
+  EXPECT_EQ(shown.code, 0) << shown.err;
+  EXPECT_EQ(shown.json()["grids"].size(), 1u);
+  const RunResult rendered =
+      brume({"render", file.string(), "-o", path("a.exr"), "--res", "8x8", "--spp", "1", "--json"});
+  EXPECT_EQ(rendered.code, 0) << rendered.err;
+  EXPECT_THAT(rendered.err, HasSubstr("is 0 everywhere: taken as vacuum"));
+  EXPECT_EQ(rendered.json()["segments"], 0);
+  EXPECT_TRUE(exists("a.exr"));
 }
 
 TEST_F(BadScenes, GridsAreInspected) {
