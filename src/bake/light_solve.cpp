@@ -7,9 +7,10 @@
 namespace brume {
 namespace {
 
-// What left-out orders may add to any record, and the part of it that left-out scatterings may
-// in one bounce. Those of a dozen bounces together stay within half of it.
-constexpr double kLargestRest = 1e-3, kScatteringPart = 0.05;
+// What left-out orders may add to any record. Half of it is for scatterings that are left out, in so
+// many bounces at most: those that matter.
+constexpr double kLargestRest = 1e-3;
+constexpr int kMostBounces = 10;
 
 using Light = std::vector<RgbD>;
 
@@ -49,7 +50,8 @@ DeepSolution solve_deep_light(const LightTransport& transport,
                               const std::vector<DeepRow>& volume_rows, int bounces,
                               int volume_bounces) {
   const std::size_t stride = transport.moment_count();
-  ScatteringSolve scattering(transport, volume_bounces - 1, kLargestRest * kScatteringPart);
+  ScatteringSolve scattering(transport, volume_bounces - 1,
+                             kLargestRest / 2 / std::min(bounces + 1, kMostBounces));
   DeepSolution solution;
   DeepLight& light = solution.light;
   const auto ratio_of = [&](const DeepLight& a, const DeepLight& b) {
@@ -66,7 +68,7 @@ DeepSolution solve_deep_light(const LightTransport& transport,
   // Light of the last reflection is only asked for in the medium.
   const int last = volume_rows.empty() ? bounces - 1 : bounces;
   for (int order = 1; order <= last; ++order) {
-    DeepLight next = transport.reflect(change);
+    DeepLight next = transport.reflect(change.surface);
     if (order == 1) {
       add(known(surface_rows, &DeepRow::reflected), next.surface);
       add(known(volume_rows, &DeepRow::reflected), next.volume);
@@ -94,7 +96,7 @@ DeepSolution solve_deep_light(const LightTransport& transport,
   solution.truncation_bound += scattering.bound();
   solution.reflected_fluence.assign(volume_rows.size(), RgbD());
   if (bounces > 0 && !volume_rows.empty()) {
-    const std::vector<RgbD> reflected = transport.reflect(light).volume;
+    const std::vector<RgbD> reflected = transport.reflect(light.surface).volume;
     for (std::size_t i = 0; i < volume_rows.size(); ++i)
       solution.reflected_fluence[i] = reflected[i * stride] + volume_rows[i].reflected[0];
   }

@@ -1,6 +1,7 @@
 #include "bake/light_transport.h"
 
 #include <algorithm>
+#include <array>
 
 #include "core/parallel.h"
 #include "core/spherical_harmonics.h"
@@ -143,6 +144,7 @@ void LightTransport::shade(const Row& row, const std::vector<RgbD>* surface,
                            const std::vector<RgbD>* volume, const Add& add) const {
   std::size_t t = 0, p = 0;
   Harmonics y{}, weights{};
+  std::array<double, 3 * kMaxHarmonics> between;
   for (const Link& link : row.links) {
     RgbD radiance;
     if (surface) {
@@ -156,14 +158,17 @@ void LightTransport::shade(const Row& row, const std::vector<RgbD>* surface,
     for (; p < link.points_end; ++p) {
       const Point& point = row.points[p];
       if (volume) {
+        // Interpolated first, then weighted by the phase function: one dot product a point.
+        std::fill(between.begin(), between.begin() + 3 * moments_, 0.0);
+        for (; t < point.terms_end; ++t) {
+          const double* moments = &(*volume)[row.terms[t].record * moments_].r;
+          const double weight = row.terms[t].weight;
+          for (std::size_t k = 0; k < 3 * moments_; ++k) between[k] += moments[k] * weight;
+        }
         phase_weights(anisotropies_[point.volume], order_, y, weights);
         RgbD scattered;
-        for (; t < point.terms_end; ++t) {
-          const RgbD* moments = &(*volume)[row.terms[t].record * moments_];
-          RgbD sum;
-          for (std::size_t k = 0; k < moments_; ++k) sum += moments[k] * weights[k];
-          scattered += sum * double(row.terms[t].weight);
-        }
+        for (std::size_t k = 0; k < moments_; ++k)
+          scattered += RgbD(between[3 * k], between[3 * k + 1], between[3 * k + 2]) * weights[k];
         radiance += scattered * rgb(point.weight);
       }
       t = point.terms_end;
@@ -172,39 +177,55 @@ void LightTransport::shade(const Row& row, const std::vector<RgbD>* surface,
   }
 }
 
-DeepLight LightTransport::apply(const std::vector<RgbD>* surface,
-                                const std::vector<RgbD>* volume) const {
-  ++applications_;
-  DeepLight next;
-  next.surface.resize(surface_count_);
-  next.volume.resize(volume_count_ * moments_);
-  if (order_ == 0) {
-    const auto all = [&](const std::vector<EvenRow>& rows, std::vector<RgbD>& to) {
-      parallel_for(threads_, rows.size(), 64, [&](std::size_t i) {
-        RgbD sum;
-        if (surface) sum += shade(rows[i].surface, *surface);
-        if (volume) sum += shade(rows[i].volume, *volume);
-        to[i] = sum;
-      });
-    };
-    all(even_surface_rows_, next.surface);
-    all(even_volume_rows_, next.volume);
-    return next;
-  }
-  parallel_for(threads_, surface_rows_.size(), 64, [&](std::size_t i) {
+std::vector<RgbD> LightTransport::at_surfaces(const std::vector<RgbD>* surface,
+                                              const std::vector<RgbD>* volume) const {
+  std::vector<RgbD> irradiance(surface_count_);
+  parallel_for(threads_, surface_count_, 64, [&](std::size_t i) {
     RgbD sum;
-    shade(surface_rows_[i], surface, volume,
-          [&](double measure, const Harmonics&, const RgbD& radiance) { sum += radiance * measure; });
-    next.surface[i] = sum;
+    if (order_ == 0) {
+      sum = surface ? shade(even_surface_rows_[i].surface, *surface)
+                    : shade(even_surface_rows_[i].volume, *volume);
+    } else {
+      shade(surface_rows_[i], surface, volume, [&](double measure, const Harmonics&, const RgbD& radiance) {
+        sum += radiance * measure;
+      });
+    }
+    irradiance[i] = sum;
   });
-  parallel_for(threads_, volume_rows_.size(), 16, [&](std::size_t i) {
-    RgbD* sum = &next.volume[i * moments_];
+  return irradiance;
+}
+
+std::vector<RgbD> LightTransport::in_medium(const std::vector<RgbD>* surface,
+                                            const std::vector<RgbD>* volume) const {
+  std::vector<RgbD> moments(volume_count_ * moments_);
+  parallel_for(threads_, volume_count_, 16, [&](std::size_t i) {
+    RgbD* sum = &moments[i * moments_];
+    if (order_ == 0) {
+      *sum = surface ? shade(even_volume_rows_[i].surface, *surface)
+                     : shade(even_volume_rows_[i].volume, *volume);
+      return;
+    }
     shade(volume_rows_[i], surface, volume,
           [&](double measure, const Harmonics& y, const RgbD& radiance) {
             for (std::size_t k = 0; k < moments_; ++k) sum[k] += radiance * (measure * y[k]);
           });
   });
-  return next;
+  return moments;
+}
+
+DeepLight LightTransport::reflect(const std::vector<RgbD>& irradiance) const {
+  ++applications_;
+  return {at_surfaces(&irradiance, nullptr), in_medium(&irradiance, nullptr)};
+}
+
+std::vector<RgbD> LightTransport::scatter(const std::vector<RgbD>& moments) const {
+  ++applications_;
+  return in_medium(nullptr, &moments);
+}
+
+std::vector<RgbD> LightTransport::scatter_to_surfaces(const std::vector<RgbD>& moments) const {
+  ++applications_;
+  return at_surfaces(nullptr, &moments);
 }
 
 }  // namespace brume

@@ -40,15 +40,17 @@ class LightTransport {
   LightTransport(const World& world, const IrradianceCache& deep, std::vector<DeepRow>& surface_rows,
                  std::vector<DeepRow>& volume_rows, double min_radius, int threads);
 
-  // K of what surfaces reflect (of light.surface) and of what the medium scatters (of light.volume).
-  DeepLight reflect(const DeepLight& light) const { return apply(&light.surface, nullptr); }
-  DeepLight scatter(const DeepLight& light) const { return apply(nullptr, &light.volume); }
+  // K of what surfaces reflect, from their irradiance.
+  DeepLight reflect(const std::vector<RgbD>& irradiance) const;
+  // K of what the medium scatters, from its moments: into the medium, and to surfaces.
+  std::vector<RgbD> scatter(const std::vector<RgbD>& moments) const;
+  std::vector<RgbD> scatter_to_surfaces(const std::vector<RgbD>& moments) const;
 
   std::size_t surface_count() const { return surface_count_; }
   std::size_t volume_count() const { return volume_count_; }
   std::size_t moment_count() const { return moments_; }
   std::size_t stratum_count() const { return stratum_count_; }
-  // Of reflect() and scatter(), so far.
+  // Of all of these, so far.
   int applications() const { return applications_; }
 
  private:
@@ -87,7 +89,9 @@ class LightTransport {
   };
   Row linked(const Vec3d& receiver, Strata strata, const IrradianceCache& deep,
              const VolumeLookup& medium, double min_radius) const;
-  DeepLight apply(const std::vector<RgbD>* surface, const std::vector<RgbD>* volume) const;
+  // From surfaces, or from the medium where `surface` is null.
+  std::vector<RgbD> at_surfaces(const std::vector<RgbD>* surface, const std::vector<RgbD>* volume) const;
+  std::vector<RgbD> in_medium(const std::vector<RgbD>* surface, const std::vector<RgbD>* volume) const;
   EvenRow summed(const Row& row, Sums& surface, Sums& volume) const;
   static RgbD shade(const std::vector<Weight>& row, const std::vector<RgbD>& light);
   template <typename Add>

@@ -16,6 +16,8 @@ constexpr std::size_t kMostSteps = 40, kLeastSteps = 12, kMostNumbers = std::siz
 // Records darker than this part of the mean need no better than it, where sums are accelerated.
 constexpr double kFloor = 0.1;
 constexpr double kLeastMajorant = 0.25;
+// The norm of a residual and its largest part do not shrink alike.
+constexpr double kSafety = 0.3;
 
 double dot(const std::vector<RgbD>& a, const std::vector<RgbD>& b) {
   RgbD sum;
@@ -38,82 +40,79 @@ std::vector<RgbD> difference(const std::vector<RgbD>& a, const std::vector<RgbD>
 ScatteringSolve::ScatteringSolve(const LightTransport& transport, int limit, double tolerance)
     : transport_(transport), limit_(limit), tolerance_(tolerance) {}
 
-DeepLight ScatteringSolve::applied(const Light& light) {
-  DeepLight in;
-  in.volume = light;
-  return transport_.scatter(in);
-}
-
 std::vector<RgbD> ScatteringSolve::sum(Light source, Light& surface) {
   if (source.empty() || limit_ <= 0) return Light(source.size());
-  const std::size_t stride = transport_.moment_count();
   if (all_.empty()) all_.resize(source.size());
-  const Light surface_before = surface;
-  Light sum = source, term = source;
-  for (int order = 1;; ++order) {
-    DeepLight next = applied(term);
-    add_times(next.surface, 1, surface);
-    orders_ = std::max(orders_, order);
-    if (order == limit_) {
-      finish(sum, 0);
-      return sum;
-    }
-    double ratio = 0, part = 0;
-    for (std::size_t i = 0; i < sum.size(); i += stride)
-      for (int c = 0; c < 3; ++c) {
-        if (!(next.volume[i][c] > 0)) continue;
-        ratio = std::max(ratio, term[i][c] > 0 ? next.volume[i][c] / term[i][c] : kInfinity);
-        part = std::max(part, next.volume[i][c] / (all_[i][c] + sum[i][c] + next.volume[i][c]));
-      }
-    if (part == 0 || (ratio < 1 && part / (1 - ratio) < tolerance_)) {
-      finish(sum, part > 0 ? part / (1 - ratio) : 0);
-      return sum;
-    }
-    if (order >= kPlainTerms && ratio > kSlowRatio && limit_ > 1000 * kPlainTerms) break;
-    term = std::move(next.volume);
-    add_times(term, 1, sum);
-  }
-
-  is_accelerated_ = true;
-  surface = surface_before;
-  if (majorant_.empty()) find_majorant();
-  if (!last_sum_.empty()) {
-    // The next source is nearly the last one but for its size.
+  Light sum = source;
+  if (is_accelerated_) {
+    if (!(dot(source, source) > 0)) return sum;
+    // This source is nearly the last one but for its size.
     const double scale = dot(source, last_source_) / dot(last_source_, last_source_);
     sum = last_sum_;
     for (RgbD& m : sum) m *= scale;
+    accelerate(source, sum, difference(source, difference(sum, transport_.scatter(sum))));
+  } else if (Light term = source; !add_terms(sum, term)) {
+    // What is left of the source is the first term that was not added.
+    is_accelerated_ = true;
+    find_majorant();
+    accelerate(source, sum, std::move(term));
   }
-  Light residual = difference(source, difference(sum, applied(sum).volume));
-  for (int cycle = 0; cycle < kMostCycles && bound_of(sum, residual) >= tolerance_; ++cycle)
-    residual = improve(sum, std::move(residual));
-  const double bound = bound_of(sum, residual);
-  // A residual may leave dark records a little below 0.
-  for (std::size_t i = 0; i < sum.size(); i += stride)
-    for (int c = 0; c < 3; ++c) sum[i][c] = std::max(0.0, sum[i][c]);
-  add_times(applied(sum).surface, 1, surface);
-  last_source_ = std::move(source);
-  last_sum_ = sum;
-  finish(sum, bound);
+  add_times(transport_.scatter_to_surfaces(sum), 1, surface);
+  add_times(sum, 1, all_);
   return sum;
 }
 
-void ScatteringSolve::finish(const Light& sum, double bound) {
-  add_times(sum, 1, all_);
+bool ScatteringSolve::add_terms(Light& sum, Light& term) {
+  const std::size_t stride = transport_.moment_count();
+  for (int order = 1;; ++order) {
+    orders_ = std::max(orders_, order);
+    if (order == limit_) return true;
+    Light next = transport_.scatter(term);
+    double ratio = 0, part = 0;
+    for (std::size_t i = 0; i < sum.size(); i += stride)
+      for (int c = 0; c < 3; ++c) {
+        if (!(next[i][c] > 0)) continue;
+        ratio = std::max(ratio, term[i][c] > 0 ? next[i][c] / term[i][c] : kInfinity);
+        part = std::max(part, next[i][c] / (all_[i][c] + sum[i][c] + next[i][c]));
+      }
+    if (part == 0 || (ratio < 1 && part / (1 - ratio) < tolerance_)) {
+      bound_ += part > 0 ? part / (1 - ratio) : 0;
+      return true;
+    }
+    term = std::move(next);
+    if (order >= kPlainTerms && ratio > kSlowRatio && limit_ > 1000 * kPlainTerms) return false;
+    add_times(term, 1, sum);
+  }
+}
+
+void ScatteringSolve::accelerate(const Light& source, Light& sum, Light residual) {
+  const std::size_t stride = transport_.moment_count();
+  double bound = bound_of(sum, residual);
+  for (int cycle = 0; cycle < kMostCycles && bound >= tolerance_; ++cycle) {
+    residual = improve(sum, std::move(residual), kSafety * tolerance_ / bound);
+    bound = bound_of(sum, residual);
+  }
   bound_ += bound;
+  last_source_ = source;
+  last_sum_ = sum;
+  // A residual may leave dark records a little below 0.
+  for (std::size_t i = 0; i < sum.size(); i += stride)
+    for (int c = 0; c < 3; ++c) sum[i][c] = std::max(0.0, sum[i][c]);
 }
 
 // Arnoldi by modified Gram-Schmidt, least squares by Givens rotations; all channels and moments are one
 // vector.
-ScatteringSolve::Light ScatteringSolve::improve(Light& light, Light residual) {
+ScatteringSolve::Light ScatteringSolve::improve(Light& light, Light residual, double wanted) {
   const auto steps = static_cast<int>(
       std::clamp(kMostNumbers / std::max<std::size_t>(1, light.size()), kLeastSteps, kMostSteps));
   const double size = std::sqrt(dot(residual, residual));
   if (!(size > 0)) return residual;
   for (RgbD& r : residual) r *= 1 / size;
   std::vector<Light> basis{std::move(residual)};
-  std::vector<std::vector<double>> hessenberg;  // By column.
-  for (int k = 0; k < steps; ++k) {
-    Light next = difference(basis.back(), applied(basis.back()).volume);
+  std::vector<std::vector<double>> hessenberg, r;  // By column; r is the first's triangle.
+  std::vector<double> g{size}, cosine, sine;
+  for (int k = 0; k < steps && std::abs(g.back()) > wanted * size; ++k) {
+    Light next = difference(basis.back(), transport_.scatter(basis.back()));
     std::vector<double> column;
     for (const Light& v : basis) {
       column.push_back(dot(v, next));
@@ -121,27 +120,26 @@ ScatteringSolve::Light ScatteringSolve::improve(Light& light, Light residual) {
     }
     column.push_back(std::sqrt(dot(next, next)));
     hessenberg.push_back(column);
-    if (!(column.back() > 1e-14)) break;
-    for (RgbD& m : next) m *= 1 / column.back();
+    for (std::size_t i = 0; i < cosine.size(); ++i) {
+      const double low = column[i], high = column[i + 1];
+      column[i] = cosine[i] * low + sine[i] * high;
+      column[i + 1] = cosine[i] * high - sine[i] * low;
+    }
+    const std::size_t last = cosine.size();
+    const double length = std::hypot(column[last], column[last + 1]);
+    cosine.push_back(column[last] / length);
+    sine.push_back(column[last + 1] / length);
+    column[last] = length;
+    g.push_back(-sine.back() * g.back());
+    g[last] *= cosine.back();
+    r.push_back(std::move(column));
+    const double left = hessenberg.back().back();
+    if (!(left > 1e-14)) break;
+    for (RgbD& m : next) m *= 1 / left;
     basis.push_back(std::move(next));
   }
-  const std::size_t n = hessenberg.size();
-  std::vector<std::vector<double>> r = hessenberg;
-  std::vector<double> g{size}, y, cosine, sine;
-  for (std::size_t k = 0; k < n; ++k) {
-    for (std::size_t i = 0; i < k; ++i) {
-      const double low = r[k][i], high = r[k][i + 1];
-      r[k][i] = cosine[i] * low + sine[i] * high;
-      r[k][i + 1] = cosine[i] * high - sine[i] * low;
-    }
-    const double length = std::hypot(r[k][k], r[k][k + 1]);
-    cosine.push_back(r[k][k] / length);
-    sine.push_back(r[k][k + 1] / length);
-    r[k][k] = length;
-    g.push_back(-sine[k] * g[k]);
-    g[k] *= cosine[k];
-  }
-  y.resize(n);
+  const std::size_t n = r.size();
+  std::vector<double> y(n);
   for (std::size_t i = n; i-- > 0;) {
     double sum = g[i];
     for (std::size_t k = i + 1; k < n; ++k) sum -= r[k][i] * y[k];
@@ -159,22 +157,32 @@ ScatteringSolve::Light ScatteringSolve::improve(Light& light, Light residual) {
   return rest;
 }
 
-// Of the response to light that arrives everywhere alike.
+// Of the response to light that arrives everywhere alike: a few plain terms where they do, else what
+// GMRES makes of them.
 void ScatteringSolve::find_majorant() {
   const std::size_t stride = transport_.moment_count();
   Light one(transport_.volume_count() * stride);
   for (std::size_t i = 0; i < one.size(); i += stride) one[i] = RgbD(1);
-  majorant_ = one;
-  Light residual = applied(one).volume;  // 1 - (1 - K 1).
-  for (int cycle = 0; cycle < kMostCycles; ++cycle) {
-    residual = improve(majorant_, std::move(residual));
+  const auto is_found = [&](const Light& residual) {
     majorant_source_ = difference(one, residual);
     double least = kInfinity;
     for (std::size_t i = 0; i < one.size(); i += stride)
       for (int c = 0; c < 3; ++c)
         least = std::min({least, majorant_source_[i][c], majorant_[i][c]});
-    if (least >= kLeastMajorant) return;
+    return least >= kLeastMajorant;
+  };
+  majorant_ = one;
+  Light residual = transport_.scatter(one);  // 1 - (1 - K 1).
+  for (int term = 1; term < kPlainTerms; ++term) {
+    if (is_found(residual)) return;
+    add_times(residual, 1, majorant_);
+    residual = transport_.scatter(residual);
   }
+  for (int cycle = 0; cycle < kMostCycles; ++cycle) {
+    if (is_found(residual)) return;
+    residual = improve(majorant_, std::move(residual), kSafety);
+  }
+  if (is_found(residual)) return;
   // Light that never ends, as in a closed white furnace without loss: nothing bounds it.
   std::fill(majorant_.begin(), majorant_.end(), RgbD(kInfinity));
 }

@@ -27,9 +27,12 @@ class ScatteringSolve {
  private:
   using Light = std::vector<RgbD>;
 
-  DeepLight applied(const Light& light);
-  // Some steps of GMRES from `light`, whose residual is `residual`; returns the new one.
-  Light improve(Light& light, Light residual);
+  // Plain terms, added to `sum` and last in `term`; false where they converge slowly.
+  bool add_terms(Light& sum, Light& term);
+  void accelerate(const Light& source, Light& sum, Light residual);
+  // Steps of GMRES from `light`, whose residual is `residual`, until its norm is `wanted` times as
+  // large, within one cycle; returns the new one.
+  Light improve(Light& light, Light residual, double wanted);
   double bound_of(const Light& light, const Light& residual) const;
   void finish(const Light& sum, double bound);
   void find_majorant();

@@ -7,6 +7,8 @@ namespace {
 
 // The nearest surface that a record's gather met is not quite the nearest there is: its rays have gaps.
 constexpr double kCertain = 0.7;
+// Of the largest weight, what counts beside it.
+constexpr double kMatters = 2e-3;
 
 Vec3d vector(const float* v) { return {v[0], v[1], v[2]}; }
 
@@ -77,6 +79,15 @@ void VolumeLookup::centre(std::vector<VolumePart>& parts, std::span<const Vec3d>
   }
 }
 
+// Kernels are of one mass each: a wide record reaches over many narrow ones, which were placed because
+// it cannot tell what changes between them.
+double VolumeLookup::density(std::uint32_t record, double min_radius) const {
+  double product = 1;
+  for (const float radius : cache_.all().records[record].radius)
+    product *= least_radius_ / std::max<double>(radius, min_radius);
+  return product;
+}
+
 void VolumeLookup::find(const Vec3d& p, std::vector<VolumePart>& parts) const {
   find(p, kNobody, parts);
 }
@@ -88,14 +99,24 @@ void VolumeLookup::find_others(std::uint32_t record, std::vector<VolumePart>& pa
 void VolumeLookup::find(const Vec3d& p, std::uint32_t but, std::vector<VolumePart>& parts) const {
   parts.clear();
   thread_local std::vector<Vec3d> offsets;
+  thread_local std::vector<double> masses;
   offsets.clear();
   VolumeQuery query{kDeepVolumeLayer, p, 0};
   for (int doubling = 0; doubling <= kMostDoublings && parts.empty(); ++doubling) {
     const auto near = cache_.explain(query);
-    for (const auto& [record, weight] : near) {
-      if (record == but || parts.size() == kMostParts || !is_visible(p, record)) continue;
-      parts.push_back({record, static_cast<float>(weight)});
-      offsets.push_back(vector(cache_.all().records[record].position) + cache_.origin() - p);
+    masses.clear();
+    for (const auto& [record, weight] : near)
+      masses.push_back(record == but ? 0 : weight * density(record, query.min_radius));
+    // Those that hardly matter are asked only where a surface hides all others.
+    const double most = masses.empty() ? 0 : *std::max_element(masses.begin(), masses.end());
+    for (const Interval of : {Interval{kMatters * most, kInfinity}, Interval{0, kMatters * most}}) {
+      for (std::size_t i = 0; i < near.size() && parts.size() < kMostParts; ++i) {
+        const std::uint32_t record = near[i].first;
+        if (!(masses[i] > of.begin && masses[i] <= of.end) || !is_visible(p, record)) continue;
+        parts.push_back({record, static_cast<float>(masses[i] / most)});
+        offsets.push_back(vector(cache_.all().records[record].position) + cache_.origin() - p);
+      }
+      if (!parts.empty()) break;
     }
     // Surrounded by records that surfaces hide, as inside a solid.
     if (near.size() >= kMostParts) break;

@@ -36,6 +36,7 @@ class VolumeLookup {
   static constexpr std::uint32_t kNobody = 0xffffffff;
   void find(const Vec3d& p, std::uint32_t but, std::vector<VolumePart>& parts) const;
   void centre(std::vector<VolumePart>& parts, std::span<const Vec3d> offsets) const;
+  double density(std::uint32_t record, double min_radius) const;
   bool is_visible(const Vec3d& p, std::uint32_t record) const;
 
   static constexpr int kMostDoublings = 12;

@@ -61,7 +61,7 @@ struct Solved {
     return solve_deep_light(transport, system.rows, no_medium, bounces, 1);
   }
   std::vector<RgbD> reflect(const std::vector<RgbD>& light) const {
-    return transport.reflect({light, {}}).surface;
+    return transport.reflect(light).surface;
   }
 };
 

@@ -47,7 +47,7 @@ struct Chain {
   std::vector<RgbD> plain(const std::vector<RgbD>& source, int terms) const {
     std::vector<RgbD> sum = source, term = source;
     for (int i = 0; i < terms; ++i) {
-      term = transport->scatter({{}, term}).volume;
+      term = transport->scatter(term);
       for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += term[k];
     }
     return sum;
