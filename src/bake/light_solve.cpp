@@ -7,8 +7,8 @@
 namespace brume {
 namespace {
 
-// What left-out orders may add to any record. Half of it is for scatterings that are left out, in so
-// many bounces at most: those that matter.
+// What left-out orders may add to any record. Half of it is for scatterings that are left out, in
+// so many bounces at most: those that matter.
 constexpr double kLargestRest = 1e-3;
 constexpr int kMostBounces = 10;
 
@@ -24,14 +24,13 @@ void add(const Light& what, Light& to) {
   for (std::size_t i = 0; i < to.size(); ++i) to[i] += what[i];
 }
 
-// The largest ratio of two lights over records and channels; infinite where the first shines and the
-// second does not. Every `stride`-th number is one that is never negative.
+// The largest ratio of two lights over records and channels; infinite where the first shines and
+// the second does not. Every `stride`-th number is one that is never negative.
 double largest_ratio(const Light& light, const Light& of, std::size_t stride) {
   double most = 0;
   for (std::size_t i = 0; i < light.size(); i += stride)
     for (int c = 0; c < 3; ++c)
-      if (light[i][c] > 0)
-        most = std::max(most, of[i][c] > 0 ? light[i][c] / of[i][c] : kInfinity);
+      if (light[i][c] > 0) most = std::max(most, of[i][c] > 0 ? light[i][c] / of[i][c] : kInfinity);
   return most;
 }
 

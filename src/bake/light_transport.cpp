@@ -32,16 +32,16 @@ LightTransport::LightTransport(const World& world, const IrradianceCache& deep,
     surface_sums[t].of.resize(surface_count_);
     volume_sums[t].of.resize(volume_count_);
   }
-  const auto link = [&](std::vector<DeepRow>& from, std::vector<Row>& to, std::vector<EvenRow>& even,
-                        const auto& position) {
+  const auto link = [&](std::vector<DeepRow>& from, std::vector<Row>& to,
+                        std::vector<EvenRow>& even, const auto& position) {
     for (const DeepRow& row : from) stratum_count_ += row.strata.strata.size();
     if (order_ > 0)
       to.resize(from.size());
     else
       even.resize(from.size());
     parallel_for_slots(threads, from.size(), 16, [&](std::size_t i, int slot) {
-      Row row = linked(position(i) + deep.origin(), std::move(from[i].strata), deep, medium,
-                       min_radius);
+      Row row =
+          linked(position(i) + deep.origin(), std::move(from[i].strata), deep, medium, min_radius);
       from[i].strata = {};
       if (order_ > 0)
         to[i] = std::move(row);
@@ -68,7 +68,8 @@ std::vector<LightTransport::Weight> LightTransport::Sums::take() {
   row.reserve(touched.size());
   for (const std::uint32_t record : touched) {
     const RgbD& w = of[record];
-    row.push_back({record, {static_cast<float>(w.r), static_cast<float>(w.g), static_cast<float>(w.b)}});
+    row.push_back(
+        {record, {static_cast<float>(w.r), static_cast<float>(w.g), static_cast<float>(w.b)}});
     of[record] = RgbD();
   }
   touched.clear();
@@ -82,8 +83,7 @@ LightTransport::EvenRow LightTransport::summed(const Row& row, Sums& surface, Su
     for (; t < link.terms_end; ++t)
       surface.add(row.terms[t].record, reflectance * double(row.terms[t].weight));
     for (; p < link.points_end; ++p) {
-      const RgbD scattered =
-          rgb(row.points[p].weight) * (double(link.measure) * 0.25 * kInvPi);
+      const RgbD scattered = rgb(row.points[p].weight) * (double(link.measure) * 0.25 * kInvPi);
       for (; t < row.points[p].terms_end; ++t)
         volume.add(row.terms[t].record, scattered * double(row.terms[t].weight));
     }
@@ -186,9 +186,10 @@ std::vector<RgbD> LightTransport::at_surfaces(const std::vector<RgbD>* surface,
       sum = surface ? shade(even_surface_rows_[i].surface, *surface)
                     : shade(even_surface_rows_[i].volume, *volume);
     } else {
-      shade(surface_rows_[i], surface, volume, [&](double measure, const Harmonics&, const RgbD& radiance) {
-        sum += radiance * measure;
-      });
+      shade(surface_rows_[i], surface, volume,
+            [&](double measure, const Harmonics&, const RgbD& radiance) {
+              sum += radiance * measure;
+            });
     }
     irradiance[i] = sum;
   });

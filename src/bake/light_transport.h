@@ -1,5 +1,5 @@
-// K: what one more bounce or scattering makes of the light at deep records, made once of the strata of
-// their gathers (docs/decisions/0008).
+// K: what one more bounce or scattering makes of the light at deep records, made once of the strata
+// of their gathers (docs/decisions/0008).
 #pragma once
 
 #include <optional>
@@ -12,8 +12,9 @@
 
 namespace brume {
 
-// What one deep record's gather found: light that is known before the solve, and where the rest comes
-// from. One number is irradiance, of surfaces; harmonic_count(order) are moments, of the medium.
+// What one deep record's gather found: light that is known before the solve, and where the rest
+// comes from. One number is irradiance, of surfaces; harmonic_count(order) are moments, of the
+// medium.
 struct DeepRow {
   std::vector<RgbD> unreflected;  // Met no surface yet: scattered once by the medium, or emitted.
   std::vector<RgbD> reflected;    // Lamps' light that the hits reflect.
@@ -30,15 +31,16 @@ struct DeepLight {
   std::vector<RgbD> surface, volume;
 };
 
-// Irradiance at hits and moments at points of the medium are weighted means of the records that cover
-// them, without gradients and clamps: so K is linear, keeps light that is nowhere negative so, and its
-// rows sum to at most the largest albedo.
+// Irradiance at hits and moments at points of the medium are weighted means of the records that
+// cover them, without gradients and clamps: so K is linear, keeps light that is nowhere negative
+// so, and its rows sum to at most the largest albedo.
 class LightTransport {
  public:
-  // `surface_rows` and `volume_rows` in the order of the records of `deep`, which are all deep; their
-  // strata are consumed. Surface records act as if at least `min_radius` wide.
-  LightTransport(const World& world, const IrradianceCache& deep, std::vector<DeepRow>& surface_rows,
-                 std::vector<DeepRow>& volume_rows, double min_radius, int threads);
+  // `surface_rows` and `volume_rows` in the order of the records of `deep`, which are all deep;
+  // their strata are consumed. Surface records act as if at least `min_radius` wide.
+  LightTransport(const World& world, const IrradianceCache& deep,
+                 std::vector<DeepRow>& surface_rows, std::vector<DeepRow>& volume_rows,
+                 double min_radius, int threads);
 
   // K of what surfaces reflect, from their irradiance.
   DeepLight reflect(const std::vector<RgbD>& irradiance) const;
@@ -71,8 +73,8 @@ class LightTransport {
     std::vector<Point> points;
     std::vector<Term> terms;
   };
-  // Where all media scatter evenly, directions do not matter: a row is one weight for each record that
-  // any of its strata sees.
+  // Where all media scatter evenly, directions do not matter: a row is one weight for each record
+  // that any of its strata sees.
   struct Weight {
     std::uint32_t record;
     float rgb[3];
@@ -90,8 +92,10 @@ class LightTransport {
   Row linked(const Vec3d& receiver, Strata strata, const IrradianceCache& deep,
              const VolumeLookup& medium, double min_radius) const;
   // From surfaces, or from the medium where `surface` is null.
-  std::vector<RgbD> at_surfaces(const std::vector<RgbD>* surface, const std::vector<RgbD>* volume) const;
-  std::vector<RgbD> in_medium(const std::vector<RgbD>* surface, const std::vector<RgbD>* volume) const;
+  std::vector<RgbD> at_surfaces(const std::vector<RgbD>* surface,
+                                const std::vector<RgbD>* volume) const;
+  std::vector<RgbD> in_medium(const std::vector<RgbD>* surface,
+                              const std::vector<RgbD>* volume) const;
   EvenRow summed(const Row& row, Sums& surface, Sums& volume) const;
   static RgbD shade(const std::vector<Weight>& row, const std::vector<RgbD>& light);
   template <typename Add>
@@ -102,7 +106,7 @@ class LightTransport {
   int order_ = 0;
   std::size_t moments_ = 1;
   std::size_t surface_count_, volume_count_, stratum_count_ = 0;
-  std::vector<Row> surface_rows_, volume_rows_;           // Of order 1 and above.
+  std::vector<Row> surface_rows_, volume_rows_;                // Of order 1 and above.
   std::vector<EvenRow> even_surface_rows_, even_volume_rows_;  // Of order 0.
   int threads_;
   mutable int applications_ = 0;

@@ -10,8 +10,8 @@ namespace {
 constexpr int kPlainTerms = 12;
 constexpr double kSlowRatio = 0.6;
 constexpr int kMostCycles = 8;
-// Of GMRES between restarts, within the memory of so many numbers: it needs as many as records stand
-// between a light and the far side of the medium.
+// Of GMRES between restarts, within the memory of so many numbers: it needs as many as records
+// stand between a light and the far side of the medium.
 constexpr std::size_t kMostSteps = 40, kLeastSteps = 12, kMostNumbers = std::size_t(8) << 20;
 // Records darker than this part of the mean need no better than it, where sums are accelerated.
 constexpr double kFloor = 0.1;
@@ -100,8 +100,8 @@ void ScatteringSolve::accelerate(const Light& source, Light& sum, Light residual
     for (int c = 0; c < 3; ++c) sum[i][c] = std::max(0.0, sum[i][c]);
 }
 
-// Arnoldi by modified Gram-Schmidt, least squares by Givens rotations; all channels and moments are one
-// vector.
+// Arnoldi by modified Gram-Schmidt, least squares by Givens rotations; all channels and moments are
+// one vector.
 ScatteringSolve::Light ScatteringSolve::improve(Light& light, Light residual, double wanted) {
   const auto steps = static_cast<int>(
       std::clamp(kMostNumbers / std::max<std::size_t>(1, light.size()), kLeastSteps, kMostSteps));
@@ -157,8 +157,8 @@ ScatteringSolve::Light ScatteringSolve::improve(Light& light, Light residual, do
   return rest;
 }
 
-// Of the response to light that arrives everywhere alike: a few plain terms where they do, else what
-// GMRES makes of them.
+// Of the response to light that arrives everywhere alike: a few plain terms where they do, else
+// what GMRES makes of them.
 void ScatteringSolve::find_majorant() {
   const std::size_t stride = transport_.moment_count();
   Light one(transport_.volume_count() * stride);
@@ -187,8 +187,8 @@ void ScatteringSolve::find_majorant() {
   std::fill(majorant_.begin(), majorant_.end(), RgbD(kInfinity));
 }
 
-// A residual's radiance is at most (order + 1) times the root of its moments' squares over 4 pi, since
-// sum over k of Y_k^2 is (order + 1)^2.
+// A residual's radiance is at most (order + 1) times the root of its moments' squares over 4 pi,
+// since sum over k of Y_k^2 is (order + 1)^2.
 double ScatteringSolve::bound_of(const Light& light, const Light& residual) const {
   const std::size_t stride = transport_.moment_count();
   const double harmonics = std::sqrt(double(stride));
@@ -204,7 +204,8 @@ double ScatteringSolve::bound_of(const Light& light, const Light& residual) cons
     mean *= double(stride) / double(light.size());
     if (!(mean > 0)) continue;
     for (std::size_t i = 0; i < light.size(); i += stride)
-      most = std::max(most, majorant_[i][c] * worst / std::max(all_[i][c] + light[i][c], kFloor * mean));
+      most = std::max(most,
+                      majorant_[i][c] * worst / std::max(all_[i][c] + light[i][c], kFloor * mean));
   }
   return most;
 }

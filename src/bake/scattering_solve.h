@@ -9,14 +9,14 @@ namespace brume {
 
 class ScatteringSolve {
  public:
-  // At most `limit` terms; fewer where the rest is bounded below `tolerance` of each record's fluence,
-  // that of earlier sums included: what a late bounce leaves is small beside all before it. `transport`
-  // must outlive it.
+  // At most `limit` terms; fewer where the rest is bounded below `tolerance` of each record's
+  // fluence, that of earlier sums included: what a late bounce leaves is small beside all before
+  // it. `transport` must outlive it.
   ScatteringSolve(const LightTransport& transport, int limit, double tolerance);
 
-  // The sum for moments `source` of light that has just arrived; adds what all of it sends to surfaces
-  // to `surface`. Where the series converges slowly and no limit matters, GMRES [SS86] solves
-  // (1 - K) m = s instead: an optical depth of 30 of white smoke needs 1,600 plain terms.
+  // The sum for moments `source` of light that has just arrived; adds what all of it sends to
+  // surfaces to `surface`. Where the series converges slowly and no limit matters, GMRES [SS86]
+  // solves (1 - K) m = s instead: an optical depth of 30 of white smoke needs 1,600 plain terms.
   std::vector<RgbD> sum(std::vector<RgbD> source, std::vector<RgbD>& surface);
 
   int orders() const { return orders_; }  // The most terms of any sum().
@@ -43,7 +43,7 @@ class ScatteringSolve {
   int orders_ = 0;
   bool is_accelerated_ = false;
   double bound_ = 0;
-  Light all_;  // Of all sums so far.
+  Light all_;                     // Of all sums so far.
   Light last_source_, last_sum_;  // Of the last accelerated sum: a start for the next.
   // w > 0 whose d = w - K w > 0 too: where x - K x = r, |x| is at most w max(|r| / d).
   Light majorant_, majorant_source_;

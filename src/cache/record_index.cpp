@@ -47,24 +47,28 @@ RecordSite make_site(const SurfaceRecord& record, std::uint32_t index) {
   return site;
 }
 
-// The box of the ellipsoid with semi-axes R1 e1, R2 e2, min(R1, R2) n, padded: a query point is rounded
-// to float before it is compared.
-Bounds support_bounds(const RecordSite& site) {
+// Padded: a query point is rounded to float before it is compared.
+Bounds padded_box(const float* position, const Vec3d& halves, double least_radius) {
+  Bounds bounds;
+  bounds.least_radius = static_cast<float>(least_radius);
+  for (int a = 0; a < 3; ++a) {
+    const double half = halves[a], centre = position[a];
+    const double pad = (std::abs(centre) + half) * 0x1p-20;
+    bounds.min[a] = static_cast<float>(centre - half - pad);
+    bounds.max[a] = static_cast<float>(centre + half + pad);
+  }
+  return bounds;
+}
+
+// The box of the ellipsoid with semi-axes R1 e1, R2 e2, min(R1, R2) n.
+Bounds support_bounds(const RecordSite& site, std::uint32_t) {
   const double r1 = site.radius[0], r2 = site.radius[1], rn = std::min(r1, r2);
   Vec3d halves(rn);  // Of a sphere.
   if (r1 != r2) {
     const Vec3d n = vector(site.normal), e1 = vector(site.tangent), e2 = n.cross(e1);
     for (int a = 0; a < 3; ++a) halves[a] = Vec3d(r1 * e1[a], r2 * e2[a], rn * n[a]).length();
   }
-  Bounds bounds;
-  bounds.least_radius = static_cast<float>(rn);
-  for (int a = 0; a < 3; ++a) {
-    const double half = halves[a], centre = site.position[a];
-    const double pad = (std::abs(centre) + half) * 0x1p-20;
-    bounds.min[a] = static_cast<float>(centre - half - pad);
-    bounds.max[a] = static_cast<float>(centre + half + pad);
-  }
-  return bounds;
+  return padded_box(site.position, halves, rn);
 }
 
 constexpr int kBitsPerAxis = 16;
@@ -148,7 +152,8 @@ Bounds fill(Node& node, const Bounds* boxes, std::size_t count) {
 
 }  // namespace
 
-RecordIndex::RecordIndex(std::span<const SurfaceRecord> records, std::size_t begin, std::size_t end) {
+RecordIndex::RecordIndex(std::span<const SurfaceRecord> records, std::size_t begin,
+                         std::size_t end) {
   // Pieces find what is sound and where it lies; least and most do not depend on who found them.
   constexpr std::size_t kPiece = 65536;
   struct Piece {
@@ -187,10 +192,11 @@ RecordIndex::RecordIndex(std::span<const SurfaceRecord> records, std::size_t beg
     std::size_t to = pieces[k].first;
     for (const std::uint32_t i : pieces[k].sound) placed[to++] = {curve(records[i].position), i};
   });
-  build(along_curve(placed), site_of(records));
+  build(along_curve(placed), site_of(records), support_bounds);
 }
 
-RecordIndex::RecordIndex(std::vector<RecordSite> sites) {
+RecordIndex::RecordIndex(std::span<const RecordSite> sites,
+                         std::span<const std::array<float, 3>> halves) {
   if (sites.empty()) return;
   float low[3] = {kFar, kFar, kFar}, high[3] = {-kFar, -kFar, -kFar};
   for (const RecordSite& site : sites)
@@ -201,12 +207,18 @@ RecordIndex::RecordIndex(std::vector<RecordSite> sites) {
   std::vector<Placed> placed(sites.size());
   const Curve curve(low, high);
   for (std::uint32_t i = 0; i < sites.size(); ++i) placed[i] = {curve(sites[i].position), i};
-  build(along_curve(placed), [&](std::uint32_t i, std::uint32_t) { return sites[i]; });
+  build(
+      along_curve(placed), [&](std::uint32_t i, std::uint32_t) { return sites[i]; },
+      [&](const RecordSite& site, std::uint32_t i) {
+        const auto& half = halves[i];
+        return padded_box(site.position, Vec3d(half[0], half[1], half[2]),
+                          std::min({half[0], half[1], half[2]}));
+      });
 }
 
 RecordIndex::RecordIndex(std::span<const SurfaceRecord> records,
                          std::span<const std::uint32_t> curve_order) {
-  if (!curve_order.empty()) build(curve_order, site_of(records));
+  if (!curve_order.empty()) build(curve_order, site_of(records), support_bounds);
 }
 
 std::vector<std::uint32_t> RecordIndex::curve_order() const {
@@ -215,8 +227,9 @@ std::vector<std::uint32_t> RecordIndex::curve_order() const {
   return order;
 }
 
-template <typename MakeSite>
-void RecordIndex::build(std::span<const std::uint32_t> order, MakeSite&& make_site) {
+template <typename MakeSite, typename MakeBounds>
+void RecordIndex::build(std::span<const std::uint32_t> order, MakeSite&& make_site,
+                        MakeBounds&& make_bounds) {
   size_ = order.size();
   sites_ = make_in_large_pages<RecordSite>(size_);
   std::size_t nodes = 0;
@@ -234,7 +247,7 @@ void RecordIndex::build(std::span<const std::uint32_t> order, MakeSite&& make_si
     boxes.fill(kNothing);
     for (std::size_t k = i * kWidth; k < end; ++k) {
       sites_[k] = make_site(order[k], order[std::min(k + 12, size_ - 1)]);
-      boxes[k % kWidth] = support_bounds(sites_[k]);
+      boxes[k % kWidth] = make_bounds(sites_[k], order[k]);
     }
     below[i] = fill(nodes_[i], boxes.data(), kWidth);
   });

@@ -1,5 +1,5 @@
-// Finds the records of one layer whose support may hold a point: an R-tree of sixteen-wide nodes, packed
-// along a Hilbert curve, so that a million records are ready in tens of milliseconds.
+// Finds the records of one layer whose support may hold a point: an R-tree of sixteen-wide nodes,
+// packed along a Hilbert curve, so that a million records are ready in tens of milliseconds.
 #pragma once
 
 #ifdef __SSE2__
@@ -30,16 +30,18 @@ struct RecordSite {
 class RecordIndex {
  public:
   RecordIndex() = default;
-  // Of records [begin, end) of `records`; those with a fault are left out. Same tree for any number of
-  // threads.
+  // Of records [begin, end) of `records`; those with a fault are left out. Same tree for any number
+  // of threads.
   RecordIndex(std::span<const SurfaceRecord> records, std::size_t begin, std::size_t end);
-  // The same of sites that are made already; radius[0] of a round one is that of its sphere.
-  explicit RecordIndex(std::vector<RecordSite> sites);
+  // The same of sites that are made already, whose supports are boxes of half widths `halves`, by
+  // site.
+  RecordIndex(std::span<const RecordSite> sites, std::span<const std::array<float, 3>> halves);
   // `curve_order` must be such an index's own, of the same records: each of them once.
   RecordIndex(std::span<const SurfaceRecord> records, std::span<const std::uint32_t> curve_order);
 
-  // Calls visit(site) for every site whose support, with radii of at least `min_radius`, may hold `p`
-  // (relative to the cache's origin) and for some others, until it returns false. In no useful order.
+  // Calls visit(site) for every site whose support, with radii of at least `min_radius`, may hold
+  // `p` (relative to the cache's origin) and for some others, until it returns false. In no useful
+  // order.
   template <typename Visit>
   void visit(const Vec3d& p, double min_radius, Visit&& visit) const;
 
@@ -49,24 +51,26 @@ class RecordIndex {
 
  private:
   static constexpr std::uint32_t kWidth = 16;
-  // The boxes of sixteen children. A support is the ellipsoid of the two radii and, along the normal, the
-  // smaller; raising radii to m grows a box by at most m - least_radius.
+  // The boxes of sixteen children. A support is the ellipsoid of the two radii and, along the
+  // normal, the smaller; raising radii to m grows a box by at most m - least_radius.
   struct alignas(32) Node {
     float min[3][kWidth], max[3][kWidth];
     float least_radius[kWidth];
   };
-  template <typename MakeSite>
-  void build(std::span<const std::uint32_t> order, MakeSite&& make_site);
+  // Sites and their bounds of the records in `order`.
+  template <typename MakeSite, typename MakeBounds>
+  void build(std::span<const std::uint32_t> order, MakeSite&& make_site, MakeBounds&& make_bounds);
   // Bit i: `p` lies in child i's box, grown.
   static unsigned children_at(const Node& node, const float* p, float min_radius);
 
   // Shared between copies, as nothing changes them.
   std::shared_ptr<Node[]>
       nodes_;  // Level by level: child k of node i of a level is 16i + k below it.
-  std::vector<std::uint32_t> levels_;  // Where each level starts in nodes_; level 0 holds the sites.
+  std::vector<std::uint32_t>
+      levels_;  // Where each level starts in nodes_; level 0 holds the sites.
   std::shared_ptr<RecordSite[]> sites_;  // Along the curve.
   std::size_t size_ = 0;
-  float least_radius_ = 0;             // Of all; queries below it need not grow boxes.
+  float least_radius_ = 0;  // Of all; queries below it need not grow boxes.
 };
 
 inline unsigned RecordIndex::children_at(const Node& node, const float* p, float min_radius) {
@@ -102,12 +106,12 @@ void RecordIndex::visit(const Vec3d& point, double min_radius, Visit&& visit) co
   const float p[3] = {static_cast<float>(point.x), static_cast<float>(point.y),
                       static_cast<float>(point.z)};
   // Rounded up, so that the floats' growth covers the doubles' radii.
-  const float m =
-      min_radius > least_radius_ ? static_cast<float>(min_radius * 1.000001) : 0.0f;
+  const float m = min_radius > least_radius_ ? static_cast<float>(min_radius * 1.000001) : 0.0f;
   struct Entry {
     std::uint32_t level, node;
   };
-  // A node adds at most fifteen entries to what it takes off, on each of at most eight levels (16^8 = 2^32).
+  // A node adds at most fifteen entries to what it takes off, on each of at most eight levels (16^8
+  // = 2^32).
   std::array<Entry, 8 * kWidth> stack;
   std::size_t depth = 0;
   stack[depth++] = {static_cast<std::uint32_t>(levels_.size() - 1), 0};
@@ -115,7 +119,8 @@ void RecordIndex::visit(const Vec3d& point, double min_radius, Visit&& visit) co
     const Entry at = stack[--depth];
     unsigned inside = children_at(nodes_[levels_[at.level] + at.node], p, m);
     for (; inside != 0; inside &= inside - 1) {
-      const std::uint32_t child = at.node * kWidth + static_cast<std::uint32_t>(__builtin_ctz(inside));
+      const std::uint32_t child =
+          at.node * kWidth + static_cast<std::uint32_t>(__builtin_ctz(inside));
       if (at.level > 0) {
         stack[depth++] = {at.level - 1, child};
       } else if (child < size_ && !visit(sites_[child])) {

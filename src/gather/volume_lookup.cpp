@@ -5,7 +5,8 @@
 namespace brume {
 namespace {
 
-// The nearest surface that a record's gather met is not quite the nearest there is: its rays have gaps.
+// The nearest surface that a record's gather met is not quite the nearest there is: its rays have
+// gaps.
 constexpr double kCertain = 0.7;
 // Of the largest weight, what counts beside it.
 constexpr double kMatters = 2e-3;
@@ -30,9 +31,9 @@ bool VolumeLookup::is_visible(const Vec3d& p, std::uint32_t record) const {
 }
 
 // Of all weights that reproduce what is linear, the ones closest to the kernel's: maximum entropy
-// [AO06], w_i = k_i exp(lambda . d_i) with lambda so that sum w_i d_i = 0. They are positive, so that
-// transport stays so. Where p lies outside the records' hull, lambda is kept within a bound: it leans
-// towards the near ones as far as that allows.
+// [AO06], w_i = k_i exp(lambda . d_i) with lambda so that sum w_i d_i = 0. They are positive, so
+// that transport stays so. Where p lies outside the records' hull, lambda is kept within a bound:
+// it leans towards the near ones as far as that allows.
 void VolumeLookup::centre(std::vector<VolumePart>& parts, std::span<const Vec3d> offsets) const {
   constexpr int kSteps = 6;
   constexpr double kLargest = 4, kCentred = 0.02, kDamping = 1e-2;
@@ -68,19 +69,19 @@ void VolumeLookup::centre(std::vector<VolumePart>& parts, std::span<const Vec3d>
     }
     // The covariance is the second derivative of log sum w.
     const double xx = h[0] / sum - mean.x * mean.x + kDamping, xy = h[1] / sum - mean.x * mean.y,
-                 xz = h[2] / sum - mean.x * mean.z,
-                 yy = h[3] / sum - mean.y * mean.y + kDamping, yz = h[4] / sum - mean.y * mean.z,
-                 zz = h[5] / sum - mean.z * mean.z + kDamping;
+                 xz = h[2] / sum - mean.x * mean.z, yy = h[3] / sum - mean.y * mean.y + kDamping,
+                 yz = h[4] / sum - mean.y * mean.z, zz = h[5] / sum - mean.z * mean.z + kDamping;
     const Vec3d a(xx, xy, xz), b(xy, yy, yz), c(xz, yz, zz);
     const double det = a.dot(b.cross(c));
-    const Vec3d move = Vec3d(mean.dot(b.cross(c)), a.dot(mean.cross(c)), a.dot(b.cross(mean))) / det;
+    const Vec3d move =
+        Vec3d(mean.dot(b.cross(c)), a.dot(mean.cross(c)), a.dot(b.cross(mean))) / det;
     lambda -= move;
     if (lambda.length() > kLargest) lambda *= kLargest / lambda.length();
   }
 }
 
-// Kernels are of one mass each: a wide record reaches over many narrow ones, which were placed because
-// it cannot tell what changes between them.
+// Kernels are of one mass each: a wide record reaches over many narrow ones, which were placed
+// because it cannot tell what changes between them.
 double VolumeLookup::density(std::uint32_t record, double min_radius) const {
   double product = 1;
   for (const float radius : cache_.all().records[record].radius)

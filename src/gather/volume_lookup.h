@@ -28,8 +28,8 @@ class VolumeLookup {
   void find_others(std::uint32_t record, std::vector<VolumePart>& parts) const;
   // Whether find() needs no doubling.
   bool covers(const Vec3d& p) const;
-  // Moments at p, three channels each: the mean with find()'s weights. False where it finds nothing;
-  // then all are 0.
+  // Moments at p, three channels each: the mean with find()'s weights. False where it finds
+  // nothing; then all are 0.
   bool moments(const Vec3d& p, std::span<float> out) const;
 
  private:

@@ -65,10 +65,8 @@ Statistics compare(const PixelFilm& cached, const PixelFilm& a, const PixelFilm&
 
 // `layers` must all have light; beauty is compared besides.
 void expect_equivalent(const Scene& scene, const Camera& camera, int bounces, int reference_samples,
-                       const std::vector<Layer>& layers, int volume_bounces = kEveryOrder) {
-  BakeSettings settings = settings_of(bounces);
-  settings.volume_bounces = volume_bounces;
-  const Stage stage(scene, settings);
+                       const std::vector<Layer>& layers) {
+  const Stage stage(scene, settings_of(bounces));
   const BakeView view{"view", camera, 64, 64};
   const BakeResult baked = stage.bake(view);
   CachedRenderOptions options;
@@ -81,7 +79,6 @@ void expect_equivalent(const Scene& scene, const Camera& camera, int bounces, in
     PathTracerOptions paths;
     paths.transport = Transport::Cached;
     paths.bounces = bounces;
-    paths.volume_bounces = volume_bounces;
     paths.seed = seed;
     paths.threads = 2;
     paths.samples = reference_samples / 2;
@@ -124,7 +121,7 @@ TEST(Equivalence, ExtinctionThatDiffersByColour) {
   test::add_lamps(scene);
   scene.volumes = {test::smoke(RgbD(1.0, 2.0, 4.0), RgbD(0.2, 0.5, 1.5), -0.3)};
   expect_equivalent(scene, test::room_camera(), 2, 128,
-                    {Layer::DiffuseDirect, Layer::DiffuseIndirect, Layer::VolumeDirect}, 1);
+                    {Layer::DiffuseDirect, Layer::DiffuseIndirect, Layer::VolumeDirect});
 }
 
 TEST(Equivalence, MediaThatGlow) {
@@ -152,7 +149,7 @@ TEST(Equivalence, CornellBoxOfSmoke) {
   if (!std::filesystem::exists(file)) GTEST_SKIP() << "no " << file.filename();
   const Scene scene = load_scene(file, {});
   expect_equivalent(scene, scene.find_camera(""), 2, 128,
-                    {Layer::DiffuseDirect, Layer::DiffuseIndirect, Layer::VolumeDirect}, 1);
+                    {Layer::DiffuseDirect, Layer::DiffuseIndirect, Layer::VolumeDirect});
 }
 
 }  // namespace
