@@ -121,6 +121,7 @@ class Baker {
   std::shared_ptr<const IrradianceCache> cache_;
   RecordMaker maker_;
   std::shared_ptr<const VolumeCache> volume_;
+  Scattered scattered_;  // Of volume_, once something asked for it.
   std::shared_ptr<const IrradianceCache> deep_;  // What the gathers of top records see.
   HitLight below_;
   DeepStats deep_stats_;
@@ -355,10 +356,11 @@ void Baker::bake_deep() {
     auto deep = bake_deep_records(lighting_, settings_, effects_, request_, origin_);
     if (!deep) {
       stopped_ = true;
-    } else if (has_room_for(deep->surface.size() + deep->volume.size())) {
+    } else if (has_room_for(deep->surface.size() + deep->volume->size())) {
       deep_stats_ = deep->stats;
       stats_.counters += deep->counters;
-      volume_ = std::make_shared<VolumeCache>(std::move(deep->volume), origin_);
+      volume_ = std::move(deep->volume);
+      scattered_ = std::move(deep->scattered);
       seal(std::move(deep->surface));
     }
     stats_.seconds.emplace_back(
@@ -370,7 +372,8 @@ void Baker::bake_top() {
   if (!effects_.indirect || is_stopped()) return;
   const auto start = std::chrono::steady_clock::now();
   deep_ = cache_;
-  below_ = light_below(*deep_, settings_, world_, request_.threads);
+  below_ = light_below(*deep_, settings_, world_, request_.threads, scattered_);
+  scattered_ = below_.scattered;
   if (request_.everywhere)
     everywhere();
   else
@@ -388,7 +391,7 @@ BakeResult Baker::finish() {
   }
   stats_.counters += maker_.counters();
   stats_.records_added = cache_->size() - existing_;
-  return {cache_, std::move(stats_), deep_stats_, stopped_, is_at_limit_};
+  return {cache_, std::move(scattered_), std::move(stats_), deep_stats_, stopped_, is_at_limit_};
 }
 
 void check(const BakeSettings& s) {

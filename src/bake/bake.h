@@ -26,7 +26,8 @@ struct BakeSettings {
   int bounces = 4;
   int volume_bounces = kEveryOrder;  // Scatterings in the medium between two surfaces.
   std::uint64_t seed = 1;
-  double error = 0.15;        // Split-sphere accuracy [WRC88]: radius = error * mean distance; smaller is finer.
+  // Split-sphere accuracy [WRC88]: radius = error * mean distance; smaller is finer.
+  double error = 0.15;
   double min_radius = 0.002;  // Of the scene's diagonal.
   double max_radius = 0.08;   // Of the scene's diagonal.
   LightDepth light_depth = LightDepth::Volumes;
@@ -45,8 +46,8 @@ struct DeepStats {
   int applications = 0;         // Of the transport operator.
   std::vector<double> changes;  // What each order added, in the mean over records, of all so far.
   double ratio = 0;             // Of the last change to the one before.
-  // No deep record's rest, from orders that were left out, is larger than this part of its light, so
-  // neither is that of any irradiance (DeepSolution). 0 when everything asked for was added up.
+  // No deep record's rest, from orders that were left out, is larger than this part of its light,
+  // so neither is that of any irradiance (DeepSolution). 0 when everything asked for was added up.
   double truncation_bound = 0;
   std::size_t surface_records = 0, volume_records = 0, strata = 0;
   double seconds = 0;
@@ -99,6 +100,7 @@ struct BakeStats {
 
 struct BakeResult {
   std::shared_ptr<const IrradianceCache> cache;
+  std::shared_ptr<const IncidentField> scattered;  // For light_below(); null where none was made.
   BakeStats stats;
   DeepStats deep;
   // stop_requested() said so, or a limit is reached; what is in the cache is whole waves or cells.
@@ -108,27 +110,34 @@ struct BakeResult {
 
 inline constexpr int kMaxBounces = 250;
 
-// What gathers for top records see at their hits and in the medium. `cache` must outlive it.
-HitLight light_below(const IrradianceCache& cache, const BakeSettings& settings, const World& world,
-                     int threads);
-// The same of deep records alone, each as if at least `min_radius` wide.
-HitLight deep_light(const IrradianceCache& cache, const World& world, double min_radius, int threads);
+using Scattered = std::shared_ptr<const IncidentField>;
 
-// Split-sphere radius [WRC88] of a gather, both axes alike: accuracy times mean distance, limited by the
-// gradient (|grad E| R <= accuracy * E along the surface) and to [min_radius, max_radius] of the diagonal.
+// What gathers for top records see at their hits and in the medium. `cache` and `world` must
+// outlive it. Takes `scattered` for light in the medium where it is of this cache's very records;
+// else costs a field of them.
+HitLight light_below(const IrradianceCache& cache, const BakeSettings& settings, const World& world,
+                     int threads, const Scattered& scattered = nullptr);
+// The same of deep records alone, each as if at least `min_radius` wide.
+HitLight deep_light(const IrradianceCache& cache, const World& world, double min_radius,
+                    int threads, const Scattered& scattered = nullptr);
+
+// Split-sphere radius [WRC88] of a gather, both axes alike: accuracy times mean distance, limited
+// by the gradient (|grad E| R <= accuracy * E along the surface) and to [min_radius, max_radius] of
+// the diagonal.
 double split_sphere_radius(const GatherResult& gather, const Vec3d& normal,
                            const BakeSettings& settings, double diagonal);
 
-// Adds what the views (or all surfaces) need to `existing` (null: nothing). Without indirect light to
-// hold (Effects::indirect) the cache is empty. Throws Error(Stopped) never: see is_stopped.
+// Adds what the views (or all surfaces) need to `existing` (null: nothing). Without indirect light
+// to hold (Effects::indirect) the cache is empty. Throws Error(Stopped) never: see is_stopped.
 BakeResult bake(const Lighting& lighting, const BakeSettings& settings, const BakeRequest& request,
                 const IrradianceCache* existing);
 
 // Whether that takes a solve for deep records, which `existing` (null: nothing) does not hold yet.
-bool needs_deep_bake(const World& world, const BakeSettings& settings, const IrradianceCache* existing);
+bool needs_deep_bake(const World& world, const BakeSettings& settings,
+                     const IrradianceCache* existing);
 
-// A pixel's footprint in records: where less wide, records act as if this many pixels wide, both when
-// placing and when rendering.
+// A pixel's footprint in records: where less wide, records act as if this many pixels wide, both
+// when placing and when rendering.
 inline constexpr double kFootprintPixels = 1.5;
 
 }  // namespace brume

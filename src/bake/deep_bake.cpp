@@ -76,10 +76,10 @@ class DeepBake {
   void add_uncovered(const Vec3d& receiver, const Strata& strata,
                      std::vector<SurfacePoint>& points) const;
   Records with_light(const std::vector<RgbD>& light) const;
-  // Gathers again at surface records, now that the light is known, for gradients. Records of the medium
-  // are interpolated by weights that reproduce what is linear, and need none.
+  // Gathers again at surface records, now that the light is known, for gradients. Records of the
+  // medium are interpolated by weights that reproduce what is linear, and need none.
   bool add_gradients(Records& surface, const std::vector<RgbD>& before);
-  DeepSolution solve(const VolumeRecords& volume);
+  DeepSolution solve();
   void store(const DeepSolution& solution, VolumeRecords& volume) const;
 
   const Lighting& lighting_;
@@ -95,7 +95,8 @@ class DeepBake {
   Records records_;
   std::unordered_map<std::uint64_t, Source> sources_;  // By key.
   std::vector<std::uint64_t> last_wave_;               // Keys.
-  std::shared_ptr<const VolumeCache> scattering_;      // What the solve found.
+  std::shared_ptr<const VolumeCache> volume_;          // What the solve found,
+  std::shared_ptr<const IncidentField> scattered_;     // and as gathers ask for it.
   Counters counters_;
   int wave_ = 0;
   std::atomic<bool> stopped_ = false;
@@ -119,8 +120,8 @@ bool DeepBake::bake_wave(const std::vector<SurfacePoint>& points) {
     fresh[i] = maker_.place(points[i], kDeepLayer, wave_);
     if (find_first(fresh[i], rows[i])) return;
     const GatherResult g = maker_.gather(points[i].offset, lamps, fresh[i], slot);
-    // Never farther than the gap that the record sees, however small: what lies past it may be another
-    // room.
+    // Never farther than the gap that the record sees, however small: what lies past it may be
+    // another room.
     const float gap =
         static_cast<float>(std::max<double>(g.nearest, std::numeric_limits<float>::min()));
     for (float& radius : fresh[i].radius) radius = std::min(radius, gap);
@@ -171,8 +172,8 @@ void DeepBake::add_uncovered(const Vec3d& receiver, const Strata& strata,
                              std::vector<SurfacePoint>& points) const {
   for (const Stratum& s : strata.strata) {
     const Vec3d normal = vector(s.normal);
-    if (!s.reflects() || cache_.covers({kDeepLayer, receiver + s.way() * double(s.distance), normal,
-                                        finest_}))
+    if (!s.reflects() ||
+        cache_.covers({kDeepLayer, receiver + s.way() * double(s.distance), normal, finest_}))
       continue;
     const Hit hit = world_.tracer().intersect({receiver, s.way().normalized()});
     if (hit.is_hit()) points.push_back({hit.position, normal, hit.offset, 0});
@@ -219,8 +220,9 @@ DeepBake::Records DeepBake::with_light(const std::vector<RgbD>& light) const {
 }
 
 bool DeepBake::add_gradients(Records& surface, const std::vector<RgbD>& before) {
-  const IrradianceCache reflected(with_light(before), origin_, {}, scattering_);
+  const IrradianceCache reflected(with_light(before), origin_, {}, volume_);
   HitLight light = deep_light(reflected, world_, finest_, request_.threads);
+  scattered_ = light.scattered;
   light.reflect = settings_.bounces > 1;
   if (!light.reflect) light.cache = nullptr;  // `before` is all dark then.
   RecordMaker maker(lighting_, effects_, settings_, origin_, request_.threads);
@@ -261,18 +263,19 @@ void DeepBake::store(const DeepSolution& solution, VolumeRecords& volume) const 
   }
 }
 
-// What an earlier run found is taken from the journal: whoever stops a bake may not have the time that
-// the solve takes.
-DeepSolution DeepBake::solve(const VolumeRecords& volume) {
+// What an earlier run found is taken from the journal: whoever stops a bake may not have the time
+// that the solve takes.
+DeepSolution DeepBake::solve() {
+  const VolumeRecords& volume = medium_.records();
   if (request_.journal)
-    if (std::optional<DeepSolution> found = solution_of(request_.journal->find_note(kKeyOfSolution));
+    if (std::optional<DeepSolution> found =
+            solution_of(request_.journal->find_note(kKeyOfSolution));
         found && found->light.surface.size() == records_.size() &&
         found->light.volume.size() == volume.moments.size() &&
         found->reflected_fluence.size() == volume.size())
       return std::move(*found);
   std::vector<DeepRow> surface_rows;
-  for (const SurfaceRecord& r : records_)
-    surface_rows.push_back(std::move(sources_.at(r.key).row));
+  for (const SurfaceRecord& r : records_) surface_rows.push_back(std::move(sources_.at(r.key).row));
   std::vector<DeepRow>& volume_rows = medium_.rows();
   const IrradianceCache places(records_, origin_, {},
                                std::make_shared<VolumeCache>(volume, origin_));
@@ -297,8 +300,8 @@ std::optional<DeepRecords> DeepBake::bake() {
 
   const auto start = std::chrono::steady_clock::now();
   DeepRecords deep;
-  deep.volume = medium_.records();
-  const DeepSolution solution = solve(deep.volume);
+  VolumeRecords volume = medium_.records();
+  const DeepSolution solution = solve();
   deep.stats = {
       .orders = solution.orders,
       .scatterings = solution.scatterings,
@@ -308,15 +311,16 @@ std::optional<DeepRecords> DeepBake::bake() {
       .ratio = solution.ratio,
       .truncation_bound = solution.truncation_bound,
       .surface_records = records_.size(),
-      .volume_records = deep.volume.size(),
+      .volume_records = volume.size(),
       .strata = solution.strata,
       .seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count()};
   report(0.7);
 
   deep.surface = with_light(solution.light.surface);
-  store(solution, deep.volume);
-  scattering_ = std::make_shared<VolumeCache>(deep.volume, origin_);
+  store(solution, volume);
+  deep.volume = volume_ = std::make_shared<VolumeCache>(std::move(volume), origin_);
   if (!add_gradients(deep.surface, solution.before)) return std::nullopt;
+  deep.scattered = scattered_;
   deep.counters = maker_.counters();
   deep.counters += medium_.counters();
   deep.counters += counters_;

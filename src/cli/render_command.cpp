@@ -99,6 +99,7 @@ class RenderRun {
   CropIntervals crop_;
   std::optional<PixelFilm> film_;
   std::shared_ptr<const IrradianceCache> cache_;
+  Scattered scattered_;  // Of this run's bake.
   std::optional<Fingerprint> cache_fingerprint_;
   int samples_ = 0;
 };
@@ -151,6 +152,7 @@ int RenderRun::bake_view(const Lighting& lighting, const BakeSettings& settings,
   statistics_.add_bake(baked.stats);
   statistics_.describe(baked.deep);
   cache_ = baked.cache;
+  scattered_ = baked.scattered;
   if (!baked.is_stopped) progress_.finish();
   const bool is_saved = statistics_.timed("write", [&] { return session.save(baked, request); });
   if (is_saved)
@@ -181,6 +183,7 @@ int RenderRun::render_with_records(const World& world, const CameraRays& rays) {
   render.crop_x = crop_.x;
   render.crop_y = crop_.y;
   render.gather_everywhere = options_.gather_everywhere;
+  render.scattered = scattered_;
   render.progress = progress_.callback("render");
   render.stop_requested = SignalWatch::stop_requested;
   const CachedRenderResult result = statistics_.timed(

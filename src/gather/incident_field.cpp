@@ -7,8 +7,8 @@
 namespace brume {
 namespace {
 
-// Nodes in the radius of small records: between nodes moments are linear, records themselves blend over
-// their radius.
+// Nodes in the radius of small records: between nodes moments are linear, records themselves blend
+// over their radius.
 constexpr double kNodesInRadius = 2;
 constexpr double kLeastNodes = 32768, kNodesOfRecord = 64;
 // The part of records whose radii may be smaller than what the node distance follows.
@@ -24,9 +24,10 @@ bool meets_plane(const Vec3d& corner, const Vec3d& normal, const Vec3d& centre, 
 
 }  // namespace
 
-IncidentField::IncidentField(const World& world, const VolumeCache& cache, int threads)
-    : lookup_(world, cache), order_(cache.order()) {
-  choose_grid(world, cache);
+IncidentField::IncidentField(const World& world, std::shared_ptr<const VolumeCache> cache,
+                             int threads)
+    : records_(std::move(cache)), lookup_(world, *records_), order_(records_->order()) {
+  choose_grid(world, *records_);
   if (size_[0] == 0) return;
   mark_surfaces(world);
   fill(world, threads);
@@ -45,9 +46,8 @@ void IncidentField::choose_grid(const World& world, const VolumeCache& cache) {
     all.extendBy(p + Vec3d(double(least)));
   }
   // Layers of thin records at the medium's edges are worth no grid of their size everywhere.
-  const double most_nodes =
-      std::min(double(kMostBytes / (stride() * sizeof(float))),
-               std::max(kLeastNodes, kNodesOfRecord * double(count)));
+  const double most_nodes = std::min(double(kMostBytes / (stride() * sizeof(float))),
+                                     std::max(kLeastNodes, kNodesOfRecord * double(count)));
   const auto typical = radii.begin() + static_cast<std::ptrdiff_t>(kSmallestPart * double(count));
   std::nth_element(radii.begin(), typical, radii.end());
   const Box3d& medium = world.medium().bounds();

@@ -1,5 +1,5 @@
-// Light in the medium that has scattered already, as gathers and eye rays see it: moments of incident
-// radiance (core/spherical_harmonics.h) between volume records.
+// Light in the medium that has scattered already, as gathers and eye rays see it: moments of
+// incident radiance (core/spherical_harmonics.h) between volume records.
 //
 // A gather asks tens of thousands of times, so moments are looked up once at the nodes of a regular
 // grid and are linear between them. Cells that a surface passes through ask the records themselves:
@@ -9,6 +9,7 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -21,9 +22,12 @@ namespace brume {
 // Frozen once built; read from any thread.
 class IncidentField {
  public:
-  // World and cache must outlive it. Node distance follows the records' radii, within a bound on
-  // memory (kMostBytes). Costs a lookup a node.
-  IncidentField(const World& world, const VolumeCache& cache, int threads);
+  // World must outlive it. Node distance follows the records' radii, within a bound on memory
+  // (kMostBytes). Costs a lookup a node.
+  IncidentField(const World& world, std::shared_ptr<const VolumeCache> cache, int threads);
+
+  // Whose moments these are.
+  const std::shared_ptr<const VolumeCache>& records() const { return records_; }
 
   int order() const { return order_; }
 
@@ -54,6 +58,7 @@ class IncidentField {
   }
 
   static constexpr std::size_t kMostBytes = std::size_t(192) << 20;
+  std::shared_ptr<const VolumeCache> records_;
   VolumeLookup lookup_;
   int order_;
   Box3d box_;
@@ -63,8 +68,8 @@ class IncidentField {
   std::vector<float> moments_;
 };
 
-// Weights that turn moments into what one volume scatters back along rays from the point they belong
-// to: g^l Y_lm(w) / (4 pi), w the rays' direction.
+// Weights that turn moments into what one volume scatters back along rays from the point they
+// belong to: g^l Y_lm(w) / (4 pi), w the rays' direction.
 inline void phase_weights(double g, int order, const Harmonics& at_w, Harmonics& weights) {
   double factor = 0.25 * kInvPi;
   for (int l = 0; l <= order; ++l, factor *= g)

@@ -244,7 +244,8 @@ CachedRenderResult render_cached(const Lighting& lighting, const BakeSettings& s
   const int tiles_x = (x1 - x0 + kTilePixels - 1) / kTilePixels;
   const int tiles_y = (y1 - y0 + kTilePixels - 1) / kTilePixels;
 
-  const HitLight below = light_below(cache, settings, lighting.world(), options.threads);
+  const HitLight below =
+      light_below(cache, settings, lighting.world(), options.threads, options.scattered);
   std::vector<std::unique_ptr<PixelRenderer>> renderers(
       static_cast<std::size_t>(resolve_thread_count(options.threads)));
   std::atomic<std::size_t> done = 0;

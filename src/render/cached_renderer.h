@@ -21,6 +21,7 @@ struct CachedRenderOptions {
   bool gather_fallback = true;
   // Ignore records and gather at every sample's hit: slow, without interpolation error.
   bool gather_everywhere = false;
+  Scattered scattered;  // As light_below() takes it.
   std::function<void(double fraction)> progress;
   std::function<bool()> stop_requested;
 };
