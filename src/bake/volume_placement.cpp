@@ -21,7 +21,7 @@ constexpr double kPartOfLampDistance = 0.7, kNearestLamp = 0.1;
 // Radii in lengths of a cell: each place lies in the supports of the cells around it.
 constexpr double kCellsInRadius = 1.25;
 constexpr int kMostDepth = 40;       // Of the tree.
-constexpr std::size_t kMostFirst = 3000, kMostRecords = 20000;
+constexpr std::size_t kMostFirst = 8000, kMostRecords = 20000;
 constexpr int kMostWaves = 12;
 // A cell is cut where its light differs by more than this part from what its neighbours say, and that
 // is more than this part of all light that is scattered.
