@@ -6,7 +6,7 @@ namespace brume {
 namespace {
 
 // Bumped whenever the same scene and settings would give other records.
-constexpr int kAlgorithmVersion = 4;
+constexpr int kAlgorithmVersion = 5;
 
 std::string number(double v) {
   char text[40];
