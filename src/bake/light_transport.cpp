@@ -144,7 +144,7 @@ void LightTransport::shade(const Row& row, const std::vector<RgbD>* surface,
                            const std::vector<RgbD>* volume, const Add& add) const {
   std::size_t t = 0, p = 0;
   Harmonics y{}, weights{};
-  std::array<double, 3 * kMaxHarmonics> between;
+  std::array<RgbD, kMaxHarmonics> between;
   for (const Link& link : row.links) {
     RgbD radiance;
     if (surface) {
@@ -159,16 +159,15 @@ void LightTransport::shade(const Row& row, const std::vector<RgbD>* surface,
       const Point& point = row.points[p];
       if (volume) {
         // Interpolated first, then weighted by the phase function: one dot product a point.
-        std::fill(between.begin(), between.begin() + 3 * moments_, 0.0);
+        std::fill(between.begin(), between.begin() + moments_, RgbD());
         for (; t < point.terms_end; ++t) {
-          const double* moments = &(*volume)[row.terms[t].record * moments_].r;
+          const RgbD* moments = &(*volume)[row.terms[t].record * moments_];
           const double weight = row.terms[t].weight;
-          for (std::size_t k = 0; k < 3 * moments_; ++k) between[k] += moments[k] * weight;
+          for (std::size_t k = 0; k < moments_; ++k) between[k] += moments[k] * weight;
         }
         phase_weights(anisotropies_[point.volume], order_, y, weights);
         RgbD scattered;
-        for (std::size_t k = 0; k < moments_; ++k)
-          scattered += RgbD(between[3 * k], between[3 * k + 1], between[3 * k + 2]) * weights[k];
+        for (std::size_t k = 0; k < moments_; ++k) scattered += between[k] * weights[k];
         radiance += scattered * rgb(point.weight);
       }
       t = point.terms_end;

@@ -75,6 +75,9 @@ def main():
         scene, options, samples, only_smoke = SCENES[name]
         image, stored = os.path.join(folder, name + ".exr"), os.path.join(HERE, name + ".json")
         base = ["render", scene, *options, "--depth", "float", "--progress", "none"]
+        if not makes_references and not os.path.exists(stored):
+            print(f"{name}: no reference; make it with --references {name}", flush=True)
+            continue
         if makes_references:
             base += ["--integrator", "path", "--transport", "full", "--spp", str(samples)]
         command = [brume, *base, "-o", image]

@@ -59,6 +59,24 @@ TEST(VolumeLookup, ReproducesWhatIsLinearWithPositiveWeights) {
   }
 }
 
+TEST(VolumeLookup, NarrowRecordsAreNotDrownedByWideOnes) {
+  const World world{Scene{}};
+  VolumeRecords records = lattice();
+  add(records, {6, 0, 0}, 30, 0, 1);  // Over all of the lattice, and dark.
+  const VolumeCache cache(std::move(records), Vec3d(0.0));
+  const VolumeLookup lookup(world, cache);
+  RandomStream random(random_key(6));
+  float moments[3];
+  for (int i = 0; i < 200; ++i) {
+    const Vec2d u = random.uniform2();
+    const Vec3d p = (Vec3d(u.x, u.y, random.uniform()) - Vec3d(0.5)) * 4;
+    ASSERT_TRUE(lookup.moments(p, moments));
+    EXPECT_NEAR(moments[1], linear(p), 0.06) << p;
+  }
+  EXPECT_TRUE(lookup.moments({12, 0, 0}, moments));
+  EXPECT_EQ(moments[1], 0) << "where it alone reaches it answers";
+}
+
 TEST(VolumeLookup, FindsTheNearestWhereNoneCovers) {
   const World world{Scene{}};
   VolumeRecords records;
