@@ -18,8 +18,9 @@ namespace {
 // Half the cells each way, twice the spacing, and no small radii.
 constexpr int kCellsDivisor = 2;
 constexpr double kErrorFactor = 2, kMinRadiusFactor = 8;
-// Of a stratum, that stand for the medium along it.
-constexpr int kMediumPoints = 4;
+// Of a stratum, that stand for the medium along it. A row has hundreds of strata, so that more
+// change nothing, but a little where directions matter (docs/decisions/0009).
+constexpr int kMediumPoints = 1, kMediumPointsOfLobes = 2;
 // In a journal, deep records as their second gathers found them.
 constexpr int kSolvedLayer = 2;
 constexpr std::uint64_t kKeyOfSolution = 0x736f6c7574696f6eULL;  // And the solve's note.
@@ -27,8 +28,8 @@ constexpr std::uint64_t kKeyOfSolution = 0x736f6c7574696f6eULL;  // And the solv
 Vec3d vector(const float* v) { return {v[0], v[1], v[2]}; }
 
 // First gathers keep strata, and see lamps alone.
-BakeSettings first_settings(BakeSettings deep) {
-  deep.gather.medium_points = kMediumPoints;
+BakeSettings first_settings(BakeSettings deep, const Medium& medium) {
+  deep.gather.medium_points = harmonic_order(medium) > 0 ? kMediumPointsOfLobes : kMediumPoints;
   return deep;
 }
 
@@ -39,7 +40,7 @@ class DeepBake {
       : lighting_(lighting),
         world_(lighting.world()),
         settings_(deep_settings(settings)),
-        first_settings_(first_settings(settings_)),
+        first_settings_(first_settings(settings_, world_.medium())),
         effects_(effects),
         request_(request),
         origin_(origin),

@@ -6,7 +6,7 @@ namespace brume {
 namespace {
 
 // Bumped whenever the same scene and settings would give other records.
-constexpr int kAlgorithmVersion = 5;
+constexpr int kAlgorithmVersion = 6;
 
 std::string number(double v) {
   char text[40];

@@ -11,34 +11,27 @@
 namespace brume {
 namespace {
 
-// How long a cell may be along an axis: in optical depth, the larger of a least one and a part of the
-// depth to the medium's nearer edge or surface; in distance, a part of that to surfaces on either side
-// and, where they are close, of their mean distance in six directions; a part of that to the nearest
-// lamp. Chosen by furnaces and the smoky box (docs/decisions/0009).
+// How long a cell may be along an axis: in optical depth, the larger of a least one and a part of
+// the depth to the medium's nearer edge or surface; in distance, a part of that to surfaces on
+// either side and, where they are close, of their mean distance in six directions; a part of that
+// to the nearest lamp. Chosen by furnaces and the smoky box (docs/decisions/0009).
 constexpr double kLeastDepth = 0.15, kPartOfDepth = 0.5;
 constexpr double kPartOfDistance = 0.7, kPartOfMeanDistance = 0.3;
 constexpr double kPartOfLampDistance = 0.7, kNearestLamp = 0.1;
 // Radii in lengths of a cell: each place lies in the supports of the cells around it.
 constexpr double kCellsInRadius = 1.25;
-constexpr int kMostDepth = 40;       // Of the tree.
+constexpr int kMostDepth = 40;  // Of the tree.
 constexpr std::size_t kMostFirst = 8000, kMostRecords = 20000;
 constexpr int kMostWaves = 12;
-// A cell is cut where its light differs by more than this part from what its neighbours say, and that
-// is more than this part of all light that is scattered.
+// A cell is cut where its light differs by more than this part from what its neighbours say, and
+// that is more than this part of all light that is scattered.
 constexpr double kChange = 0.02, kLeastMatter = 1e-5;
 constexpr double kCoarserBy = 1.1;  // Where that many would not do.
-constexpr int kTries = 24;           // Places in a cell that may hold medium.
-constexpr double kEven = 1.5;        // Most of sigma_s over its mean, in an even cell.
+constexpr int kTries = 24;          // Places in a cell that may hold medium.
+constexpr double kEven = 1.5;       // Most of sigma_s over its mean, in an even cell.
 constexpr std::uint64_t kKeyOfVolume = 0x766f6c756d65ULL;
 
 Vec3d vector(const float* v) { return {v[0], v[1], v[2]}; }
-
-double scattering_at(const Medium& medium, const Vec3d& p) {
-  double sum = 0;
-  for (const Volume& v : medium.volumes())
-    if (v.scatters()) sum += mean_component(v.sigma_s_at(p)) * v.density_at(p);
-  return sum;
-}
 
 // Where light may scatter that gathers or eyes see. A medium without end is looked at as far as
 // surfaces and lamps go, and some mean free paths more.
@@ -58,11 +51,10 @@ Box3d scattering_box(const World& world) {
   return {box.min - Vec3d(pad), box.max + Vec3d(pad)};
 }
 
-// How long a cell around p may be along each axis.
-Vec3d longest_steps(const Lighting& lighting, const Vec3d& p, double scale) {
+// How long a cell around p may be along each axis, whose densest place has the extinction `sigma`.
+Vec3d longest_steps(const Lighting& lighting, const Vec3d& p, double sigma, double scale) {
   const World& world = lighting.world();
   const Medium& medium = world.medium();
-  const double sigma = max_component(medium.sigma_t_at(p));
   double depth[3], distance[3], sum = 0;
   int seen = 0;
   MarchCounters ignored;
@@ -78,8 +70,8 @@ Vec3d longest_steps(const Lighting& lighting, const Vec3d& p, double scale) {
         ++seen;
       }
       const double far = std::min(end, medium.is_unbounded() ? 100 / std::max(sigma, 1e-300) : end);
-      depth[a] = std::min(
-          depth[a], max_component(optical_depth(medium, {p, w}, {0, far}, lighting.march(), ignored)));
+      depth[a] = std::min(depth[a], max_component(optical_depth(medium, {p, w}, {0, far},
+                                                                lighting.march(), ignored)));
     }
   }
   double lamp = kInfinity;
@@ -91,8 +83,8 @@ Vec3d longest_steps(const Lighting& lighting, const Vec3d& p, double scale) {
   for (int a = 0; a < 3; ++a) {
     steps[a] = kInfinity;
     if (sigma > 0) steps[a] = std::max(kLeastDepth, kPartOfDepth * depth[a]) / sigma;
-    steps[a] = std::min(
-        steps[a], std::max(2 * kPartOfDistance * distance[a], kPartOfMeanDistance * mean));
+    steps[a] =
+        std::min(steps[a], std::max(2 * kPartOfDistance * distance[a], kPartOfMeanDistance * mean));
     const double nearest = kNearestLamp * (mean < kInfinity ? mean : lamp);
     steps[a] = std::min(steps[a], std::max(kPartOfLampDistance * lamp, nearest));
     steps[a] *= scale;
@@ -114,7 +106,8 @@ int harmonic_order(const Medium& medium) {
 }
 
 Vec3d volume_record_radii(const Lighting& lighting, const Vec3d& p) {
-  return longest_steps(lighting, p, 1) * kCellsInRadius;
+  const double sigma = max_component(lighting.world().medium().sigma_t_at(p));
+  return longest_steps(lighting, p, sigma, 1) * kCellsInRadius;
 }
 
 VolumePlacement::VolumePlacement(const Lighting& lighting, const BakeSettings& settings,
@@ -132,40 +125,34 @@ VolumePlacement::VolumePlacement(const Lighting& lighting, const BakeSettings& s
   records_.order = order_;
 }
 
-double VolumePlacement::mean_scattering(const Box3d& cell, Vec3d& at, bool& is_even) const {
-  const Vec3d size = cell.max - cell.min;
+// Light is brightest where the medium is dense, and scatters most there: a record for an uneven
+// cell lies at a place drawn by sigma_s, so that what the cell scatters comes out right in the mean
+// however small its lumps are. Where the medium is even, the middle is the best place there is,
+// unless a surface hides the medium from it.
+std::optional<VolumePlacement::Site> VolumePlacement::site_of(const Box3d& cell) const {
+  const Medium& medium = world_.medium();
+  const Vec3d size = cell.max - cell.min, middle = (cell.min + cell.max) * 0.5;
   RandomStream random(kKeyOfVolume);
-  Vec3d p = (cell.min + cell.max) * 0.5;
+  Site site{middle, cell};
+  Vec3d p = middle, drawn = middle;
   double sum = 0, most = 0;
-  at = p;
   for (int i = 0; i < kTries; ++i) {
-    const double here = scattering_at(world_.medium(), p);
+    const double here = mean_component(medium.sigma_s_at(p));
     sum += here;
     most = std::max(most, here);
-    if (random.uniform() * sum < here) at = p;
+    site.densest = std::max<double>(site.densest, max_component(medium.sigma_t_at(p)));
+    if (random.uniform() * sum < here) drawn = p;
     const Vec2d u = random.uniform2();
     p = cell.min + Vec3d(u.x * size.x, u.y * size.y, random.uniform() * size.z);
   }
-  const double mean = sum / kTries;
-  is_even = most <= kEven * mean;
-  return mean;
-}
-
-// Light is brightest where the medium is dense, and scatters most there: a record for an uneven cell
-// lies at a place drawn by sigma_s, so that what the cell scatters comes out right in the mean however
-// small its lumps are. Where the medium is even, the middle is the best place there is, unless a surface
-// hides the medium from it.
-std::optional<VolumePlacement::Site> VolumePlacement::site_of(const Box3d& cell) const {
-  Vec3d in_medium;
-  bool is_even = false;
-  const double scattering = mean_scattering(cell, in_medium, is_even);
-  if (!(scattering > 0)) return std::nullopt;
-  if (!is_even) return Site{in_medium, cell, scattering};
-  const Vec3d middle = (cell.min + cell.max) * 0.5, to = middle - in_medium;
+  if (!(sum > 0)) return std::nullopt;
+  site.scattering = sum / kTries;
+  const Vec3d to = middle - drawn;
   const double distance = to.length();
-  const bool is_hidden =
-      distance > 0 && world_.tracer().is_occluded({in_medium, to / distance, distance});
-  return Site{is_hidden ? in_medium : middle, cell, scattering};
+  const bool is_even = most <= kEven * site.scattering;
+  if (!is_even || (distance > 0 && world_.tracer().is_occluded({drawn, to / distance, distance})))
+    site.position = drawn;
+  return site;
 }
 
 void VolumePlacement::cut(const Box3d& cell, double scale, int depth,
@@ -173,7 +160,7 @@ void VolumePlacement::cut(const Box3d& cell, double scale, int depth,
   if (sites.size() > kMostRecords) return;
   const std::optional<Site> site = site_of(cell);
   if (!site) return;
-  const Vec3d steps = longest_steps(lighting_, site->position, scale);
+  const Vec3d steps = longest_steps(lighting_, site->position, site->densest, scale);
   const Vec3d size = cell.max - cell.min;
   int axis = 0;
   for (int a = 1; a < 3; ++a)
@@ -235,8 +222,8 @@ void VolumePlacement::gather_one(VolumeGatherer& gatherer, VolumeRecord& r, Deep
                                  Counters& counters) const {
   HitLight lamps;
   lamps.reflect = settings_.bounces > 0;
-  const VolumeGatherResult g = gatherer.gather(
-      vector(r.position) + origin_, random_key(settings_.seed, r.key), lamps, counters);
+  const VolumeGatherResult g = gatherer.gather(vector(r.position) + origin_,
+                                               random_key(settings_.seed, r.key), lamps, counters);
   row.nearest = g.nearest;
   row.error = g.error;
   row.reflected = g.reflected;
@@ -278,8 +265,8 @@ bool VolumePlacement::gather(const std::vector<Site>& sites, int wave,
     r.axes[0] = 1;
     r.flags = record_flags(kDeepVolumeLayer, wave);
     if (!find(r, rows[i])) gather_one(*worker.gatherer, r, rows[i], worker.counters);
-    r.clearance = static_cast<float>(
-        std::min<double>(rows[i].nearest, std::numeric_limits<float>::max()));
+    r.clearance =
+        static_cast<float>(std::min<double>(rows[i].nearest, std::numeric_limits<float>::max()));
     r.error = static_cast<float>(rows[i].error);
   });
   for (const Worker& w : workers) counters_ += w.counters;
@@ -290,8 +277,8 @@ bool VolumePlacement::gather(const std::vector<Site>& sites, int wave,
   return true;
 }
 
-// The eighths of cells whose light is not what their neighbours say. A record keeps the eighth that it
-// lies in, and its size, so that cells still fill the medium and no place counts twice.
+// The eighths of cells whose light is not what their neighbours say. A record keeps the eighth that
+// it lies in, and its size, so that cells still fill the medium and no place counts twice.
 std::vector<VolumePlacement::Site> VolumePlacement::cut_where_light_changes() {
   sort();
   const std::size_t count = records_.size();
@@ -339,7 +326,8 @@ std::vector<VolumePlacement::Site> VolumePlacement::cut_where_light_changes() {
     const Vec3d half = (cell.max - cell.min) * 0.5, from_middle = own.position - (cell.min + half);
     const int of_own = (from_middle.x >= 0) | (from_middle.y >= 0) << 1 | (from_middle.z >= 0) << 2;
     for (int k = 0; k < 8; ++k) {
-      const Vec3d low = cell.min + Vec3d(half.x * (k & 1), half.y * (k >> 1 & 1), half.z * (k >> 2));
+      const Vec3d low =
+          cell.min + Vec3d(half.x * (k & 1), half.y * (k >> 1 & 1), half.z * (k >> 2));
       const Box3d part(low, low + half);
       const std::optional<Site> site = site_of(part);
       if (k == of_own) {

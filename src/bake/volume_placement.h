@@ -12,19 +12,21 @@
 namespace brume {
 
 // The degree up to which moments are kept, so that what is left out of a phase function's series,
-// |g|^(order + 1), is small: 0 for even scattering, 1 to |g| = 0.3, 3 to 0.55, kMaxHarmonicOrder above.
+// |g|^(order + 1), is small: 0 for even scattering, 1 to |g| = 0.3, 3 to 0.55, kMaxHarmonicOrder
+// above.
 int harmonic_order(const Medium& medium);
 
 // How far a record of the medium at p may reach along x, y and z, before cells are cut where light
 // changes: world units.
 Vec3d volume_record_radii(const Lighting& lighting, const Vec3d& p);
 
-// A record in the middle of each cell of a tree over the medium. Light between records is linear, so
-// a cell is halved along an axis while it is longer there than light is near linear over: in optical
-// depth from the medium's edges and from surfaces, where it falls off steeply, in distance from
-// surfaces and lamps elsewhere. Then, wave by wave, a cell is cut into eight where the light that its
-// gather found, of first order, is not what its neighbours make of it, and that matters: by what the
-// cell scatters of all that is scattered. A pure function of the scene and the settings; never of views.
+// A record in the middle of each cell of a tree over the medium. Light between records is linear,
+// so a cell is halved along an axis while it is longer there than light is near linear over: in
+// optical depth from the medium's edges and from surfaces, where it falls off steeply, in distance
+// from surfaces and lamps elsewhere. Then, wave by wave, a cell is cut into eight where the light
+// that its gather found, of first order, is not what its neighbours make of it, and that matters:
+// by what the cell scatters of all that is scattered. A pure function of the scene and the
+// settings; never of views.
 class VolumePlacement {
  public:
   // Everything must outlive it. `settings` as deep records use them. `journal` may be null.
@@ -44,17 +46,15 @@ class VolumePlacement {
   struct Site {
     Vec3d position{0.0};
     Box3d cell;
-    double scattering = 0;  // The medium's sigma_s over the cell.
+    double scattering = 0, densest = 0;  // Over the cell: mean of sigma_s, most of sigma_t.
   };
-  // The mean of sigma_s over the cell (0: none was found), a place drawn by it, and whether it is about
-  // the same everywhere.
-  double mean_scattering(const Box3d& cell, Vec3d& at, bool& is_even) const;
   std::optional<Site> site_of(const Box3d& cell) const;
   void cut(const Box3d& cell, double scale, int depth, std::vector<Site>& sites) const;
   std::vector<Site> first_sites(double scale) const;
   // What a record's gather finds, or found in an earlier run: its row, clearance and error.
   bool find(VolumeRecord& record, DeepRow& row) const;
-  void gather_one(VolumeGatherer& gatherer, VolumeRecord& record, DeepRow& row, Counters& counters) const;
+  void gather_one(VolumeGatherer& gatherer, VolumeRecord& record, DeepRow& row,
+                  Counters& counters) const;
   bool gather(const std::vector<Site>& sites, int wave, const std::function<bool()>& is_stopped);
   std::vector<Site> cut_where_light_changes();
   void sort();

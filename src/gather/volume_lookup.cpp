@@ -10,6 +10,8 @@ namespace {
 constexpr double kCertain = 0.7;
 // Of the largest weight, what counts beside it.
 constexpr double kMatters = 2e-3;
+// Of the most that scatters at any record: those in all but empty space still count a little.
+constexpr double kLeastScattering = 1e-6;
 
 Vec3d vector(const float* v) { return {v[0], v[1], v[2]}; }
 
@@ -20,6 +22,17 @@ VolumeLookup::VolumeLookup(const World& world, const VolumeCache& cache)
   least_radius_ = kInfinity;
   for (const VolumeRecord& r : cache.all().records)
     least_radius_ = std::min<double>(least_radius_, *std::min_element(r.radius, r.radius + 3));
+  find_scattering();
+}
+
+void VolumeLookup::find_scattering() {
+  std::vector<double> all;
+  for (const VolumeRecord& r : cache_.all().records)
+    all.push_back(mean_component(world_.medium().sigma_s_at(vector(r.position) + cache_.origin())));
+  const double most = all.empty() ? 0 : *std::max_element(all.begin(), all.end());
+  for (const double here : all)
+    scattering_.push_back(most > 0 ? static_cast<float>(std::max(here / most, kLeastScattering))
+                                   : 1);
 }
 
 bool VolumeLookup::is_visible(const Vec3d& p, std::uint32_t record) const {
@@ -80,10 +93,11 @@ void VolumeLookup::centre(std::vector<VolumePart>& parts, std::span<const Vec3d>
   }
 }
 
-// Kernels are of one mass each: a wide record reaches over many narrow ones, which were placed
-// because it cannot tell what changes between them.
+// Kernels are of one mass each, where all scatter alike: a wide record reaches over many narrow
+// ones, which were placed because it cannot tell what changes between them. Where smoke is dense
+// light is bright, and most of it scatters there: a record in thin smoke says little about that.
 double VolumeLookup::density(std::uint32_t record, double min_radius) const {
-  double product = 1;
+  double product = scattering_[record];
   for (const float radius : cache_.all().records[record].radius)
     product *= least_radius_ / std::max<double>(radius, min_radius);
   return product;
@@ -107,7 +121,7 @@ void VolumeLookup::find(const Vec3d& p, std::uint32_t but, std::vector<VolumePar
     const auto near = cache_.explain(query);
     masses.clear();
     for (const auto& [record, weight] : near)
-      masses.push_back(record == but ? 0 : weight * density(record, query.min_radius));
+      masses.push_back(record == but ? 0 : weight * weight * density(record, query.min_radius));
     // Those that hardly matter are asked only where a surface hides all others.
     const double most = masses.empty() ? 0 : *std::max_element(masses.begin(), masses.end());
     for (const Interval of : {Interval{kMatters * most, kInfinity}, Interval{0, kMatters * most}}) {

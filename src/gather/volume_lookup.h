@@ -36,6 +36,7 @@ class VolumeLookup {
   static constexpr std::uint32_t kNobody = 0xffffffff;
   void find(const Vec3d& p, std::uint32_t but, std::vector<VolumePart>& parts) const;
   void centre(std::vector<VolumePart>& parts, std::span<const Vec3d> offsets) const;
+  void find_scattering();
   double density(std::uint32_t record, double min_radius) const;
   bool is_visible(const Vec3d& p, std::uint32_t record) const;
 
@@ -44,6 +45,7 @@ class VolumeLookup {
   const World& world_;
   const VolumeCache& cache_;
   double least_radius_ = 0;
+  std::vector<float> scattering_;  // sigma_s at each record, beside the largest.
 };
 
 }  // namespace brume

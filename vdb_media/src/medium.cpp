@@ -143,6 +143,13 @@ RgbD Medium::sigma_t_at(const Vec3d& p) const {
   return sum;
 }
 
+RgbD Medium::sigma_s_at(const Vec3d& p) const {
+  RgbD sum;
+  for (const Volume& v : volumes_)
+    if (v.scatters()) sum += v.sigma_s_at(p) * v.density_at(p);
+  return sum;
+}
+
 Fingerprint Medium::fingerprint() const {
   FingerprintBuilder builder;
   const auto add_vector = [&](const Vec3d& v) { builder.add(v.x).add(v.y).add(v.z); };

@@ -78,7 +78,9 @@ class Medium {
   // Shortest voxel edge of all grids; infinity without grids.
   double voxel_size() const { return voxel_size_; }
 
+  // Of all volumes together [1/world unit].
   RgbD sigma_t_at(const Vec3d& p) const;
+  RgbD sigma_s_at(const Vec3d& p) const;
   Fingerprint fingerprint() const;
 
  private:
