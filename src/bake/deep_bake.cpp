@@ -78,7 +78,7 @@ class DeepBake {
                      std::vector<SurfacePoint>& points) const;
   Records with_light(const std::vector<RgbD>& light) const;
   // Gathers again at surface records, now that the light is known, for gradients. Records of the
-  // medium are interpolated by weights that reproduce what is linear, and need none.
+  // medium are interpolated by weights that nearly reproduce what is linear, and need none.
   bool add_gradients(Records& surface, const std::vector<RgbD>& before);
   DeepSolution solve();
   void store(const DeepSolution& solution, VolumeRecords& volume) const;

@@ -34,7 +34,7 @@ inline constexpr int kDeepVolumeLayer = 0;
 
 // One moment, int L(w) Y(w) dw over the sphere (core/spherical_harmonics.h). L is all incident radiance
 // but that which comes straight from lights. The first is the fluence [W/m^2]. There are no gradients:
-// the weights between records reproduce what is linear (gather/volume_lookup.h).
+// the weights between records nearly reproduce what is linear (gather/volume_lookup.h).
 struct VolumeMoment {
   float value[3];
 };

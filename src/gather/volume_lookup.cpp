@@ -43,13 +43,13 @@ bool VolumeLookup::is_visible(const Vec3d& p, std::uint32_t record) const {
   return !world_.tracer().is_occluded({p, to / distance, distance * (1 - 1e-5)});
 }
 
-// Of all weights that reproduce what is linear, the ones closest to the kernel's: maximum entropy
-// [AO06], w_i = k_i exp(lambda . d_i) with lambda so that sum w_i d_i = 0. They are positive, so
-// that transport stays so. Where p lies outside the records' hull, lambda is kept within a bound:
-// it leans towards the near ones as far as that allows.
+// Weights that nearly reproduce what is linear, and the closest to the kernel's [AO06]:
+// w_i = k_i exp(lambda . d_i) with lambda least for log sum w_i + kSoftness lambda^2 / 2. They are
+// positive, so that transport stays so. Exactly linear ones (no softness) would count records in
+// thin smoke at a lump's edge, however dark they are, as much as balances those in the lump.
 void VolumeLookup::centre(std::vector<VolumePart>& parts, std::span<const Vec3d> offsets) const {
   constexpr int kSteps = 6;
-  constexpr double kLargest = 4, kCentred = 0.02, kDamping = 1e-2;
+  constexpr double kLargest = 4, kCentred = 0.02, kSoftness = 0.1;
   const std::size_t n = parts.size();
   if (n < 2) return;
   // Supports may be flat: each axis counts in its own scale.
@@ -76,19 +76,18 @@ void VolumeLookup::centre(std::vector<VolumePart>& parts, std::span<const Vec3d>
       h[5] += w[i] * d.z * d.z;
     }
     mean /= sum;
-    if (step == kSteps || mean.length() < kCentred) {
+    const Vec3d slope = mean + lambda * kSoftness;
+    if (step == kSteps || slope.length() < kCentred) {
       for (std::size_t i = 0; i < n; ++i) parts[i].weight = static_cast<float>(w[i] / sum);
       return;
     }
     // The covariance is the second derivative of log sum w.
-    const double xx = h[0] / sum - mean.x * mean.x + kDamping, xy = h[1] / sum - mean.x * mean.y,
-                 xz = h[2] / sum - mean.x * mean.z, yy = h[3] / sum - mean.y * mean.y + kDamping,
-                 yz = h[4] / sum - mean.y * mean.z, zz = h[5] / sum - mean.z * mean.z + kDamping;
+    const double xx = h[0] / sum - mean.x * mean.x + kSoftness, xy = h[1] / sum - mean.x * mean.y,
+                 xz = h[2] / sum - mean.x * mean.z, yy = h[3] / sum - mean.y * mean.y + kSoftness,
+                 yz = h[4] / sum - mean.y * mean.z, zz = h[5] / sum - mean.z * mean.z + kSoftness;
     const Vec3d a(xx, xy, xz), b(xy, yy, yz), c(xz, yz, zz);
     const double det = a.dot(b.cross(c));
-    const Vec3d move =
-        Vec3d(mean.dot(b.cross(c)), a.dot(mean.cross(c)), a.dot(b.cross(mean))) / det;
-    lambda -= move;
+    lambda -= Vec3d(slope.dot(b.cross(c)), a.dot(slope.cross(c)), a.dot(b.cross(slope))) / det;
     if (lambda.length() > kLargest) lambda *= kLargest / lambda.length();
   }
 }
