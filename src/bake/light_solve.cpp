@@ -8,7 +8,7 @@ namespace brume {
 namespace {
 
 // What left-out orders may add to any record. Half of it is for scatterings that are left out, in
-// so many bounces at most: those that matter.
+// so many bounces at most: those that matter. Without surfaces they are summed once.
 constexpr double kLargestRest = 1e-3;
 constexpr int kMostBounces = 10;
 
@@ -49,8 +49,8 @@ DeepSolution solve_deep_light(const LightTransport& transport,
                               const std::vector<DeepRow>& volume_rows, int bounces,
                               int volume_bounces) {
   const std::size_t stride = transport.moment_count();
-  ScatteringSolve scattering(transport, volume_bounces - 1,
-                             kLargestRest / 2 / std::min(bounces + 1, kMostBounces));
+  const int sums = surface_rows.empty() ? 1 : std::min(bounces + 1, kMostBounces);
+  ScatteringSolve scattering(transport, volume_bounces - 1, kLargestRest / 2 / sums);
   DeepSolution solution;
   DeepLight& light = solution.light;
   const auto ratio_of = [&](const DeepLight& a, const DeepLight& b) {

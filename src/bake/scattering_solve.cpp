@@ -12,12 +12,13 @@ constexpr double kSlowRatio = 0.6;
 constexpr int kMostCycles = 8;
 // Of GMRES between restarts, within the memory of so many numbers: it needs as many as records
 // stand between a light and the far side of the medium.
-constexpr std::size_t kMostSteps = 40, kLeastSteps = 12, kMostNumbers = std::size_t(8) << 20;
+constexpr std::size_t kMostSteps = 120, kLeastSteps = 12, kMostNumbers = std::size_t(8) << 20;
+constexpr int kStepsBetweenChecks = 2;
 // Records darker than this part of the mean need no better than it, where sums are accelerated.
 constexpr double kFloor = 0.1;
+// What bounds an error: plain terms of it at most, and how good it has to be.
+constexpr int kMajorantTerms = 4;
 constexpr double kLeastMajorant = 0.25;
-// The norm of a residual and its largest part do not shrink alike.
-constexpr double kSafety = 0.3;
 
 double dot(const std::vector<RgbD>& a, const std::vector<RgbD>& b) {
   RgbD sum;
@@ -87,12 +88,12 @@ bool ScatteringSolve::add_terms(Light& sum, Light& term) {
 
 void ScatteringSolve::accelerate(const Light& source, Light& sum, Light residual) {
   const std::size_t stride = transport_.moment_count();
-  double bound = bound_of(sum, residual);
-  for (int cycle = 0; cycle < kMostCycles && bound >= tolerance_; ++cycle) {
-    residual = improve(sum, std::move(residual), kSafety * tolerance_ / bound);
-    bound = bound_of(sum, residual);
-  }
-  bound_ += bound;
+  const auto is_bounded = [&](const Light& light, const Light& rest) {
+    return bound_of(light, rest) < tolerance_;
+  };
+  for (int cycle = 0; cycle < kMostCycles && !is_bounded(sum, residual); ++cycle)
+    improve(sum, residual, is_bounded);
+  bound_ += bound_of(sum, residual);
   last_source_ = source;
   last_sum_ = sum;
   // A residual may leave dark records a little below 0.
@@ -102,23 +103,24 @@ void ScatteringSolve::accelerate(const Light& source, Light& sum, Light residual
 
 // Arnoldi by modified Gram-Schmidt, least squares by Givens rotations; all channels and moments are
 // one vector.
-ScatteringSolve::Light ScatteringSolve::improve(Light& light, Light residual, double wanted) {
+void ScatteringSolve::improve(Light& light, Light& residual, const IsEnough& is_enough) {
   const auto steps = static_cast<int>(
       std::clamp(kMostNumbers / std::max<std::size_t>(1, light.size()), kLeastSteps, kMostSteps));
   const double size = std::sqrt(dot(residual, residual));
-  if (!(size > 0)) return residual;
-  for (RgbD& r : residual) r *= 1 / size;
-  std::vector<Light> basis{std::move(residual)};
+  if (!(size > 0)) return;
+  std::vector<Light> basis{residual};
+  for (RgbD& r : basis[0]) r *= 1 / size;
   std::vector<std::vector<double>> hessenberg, r;  // By column; r is the first's triangle.
   std::vector<double> g{size}, cosine, sine;
-  for (int k = 0; k < steps && std::abs(g.back()) > wanted * size; ++k) {
+  for (int k = 1;; ++k) {
     Light next = difference(basis.back(), transport_.scatter(basis.back()));
     std::vector<double> column;
     for (const Light& v : basis) {
       column.push_back(dot(v, next));
       add_times(v, -column.back(), next);
     }
-    column.push_back(std::sqrt(dot(next, next)));
+    const double left = std::sqrt(dot(next, next));
+    column.push_back(left);
     hessenberg.push_back(column);
     for (std::size_t i = 0; i < cosine.size(); ++i) {
       const double low = column[i], high = column[i + 1];
@@ -133,28 +135,34 @@ ScatteringSolve::Light ScatteringSolve::improve(Light& light, Light residual, do
     g.push_back(-sine.back() * g.back());
     g[last] *= cosine.back();
     r.push_back(std::move(column));
-    const double left = hessenberg.back().back();
-    if (!(left > 1e-14)) break;
-    for (RgbD& m : next) m *= 1 / left;
-    basis.push_back(std::move(next));
+    const bool is_last = k == steps || !(left > 1e-14);
+    if (left > 1e-14) {
+      for (RgbD& m : next) m *= 1 / left;
+      basis.push_back(std::move(next));
+    }
+    if (!is_last && k % kStepsBetweenChecks != 0) continue;
+
+    const std::size_t n = r.size();
+    std::vector<double> y(n);
+    for (std::size_t i = n; i-- > 0;) {
+      double sum = g[i];
+      for (std::size_t j = i + 1; j < n; ++j) sum -= r[j][i] * y[j];
+      y[i] = sum / r[i][i];
+    }
+    Light better = light, rest(light.size());
+    for (std::size_t j = 0; j < n; ++j) add_times(basis[j], y[j], better);
+    // What is left lies in the same basis.
+    for (std::size_t i = 0; i < basis.size(); ++i) {
+      double part = i == 0 ? size : 0;
+      for (std::size_t j = 0; j < n; ++j)
+        if (i < hessenberg[j].size()) part -= hessenberg[j][i] * y[j];
+      add_times(basis[i], part, rest);
+    }
+    if (!is_last && !is_enough(better, rest)) continue;
+    light = std::move(better);
+    residual = std::move(rest);
+    return;
   }
-  const std::size_t n = r.size();
-  std::vector<double> y(n);
-  for (std::size_t i = n; i-- > 0;) {
-    double sum = g[i];
-    for (std::size_t k = i + 1; k < n; ++k) sum -= r[k][i] * y[k];
-    y[i] = sum / r[i][i];
-  }
-  for (std::size_t k = 0; k < n; ++k) add_times(basis[k], y[k], light);
-  // What is left lies in the same basis.
-  Light rest(light.size());
-  for (std::size_t i = 0; i < basis.size(); ++i) {
-    double left = i == 0 ? size : 0;
-    for (std::size_t k = 0; k < n; ++k)
-      if (i < hessenberg[k].size()) left -= hessenberg[k][i] * y[k];
-    add_times(basis[i], left, rest);
-  }
-  return rest;
 }
 
 // Of the response to light that arrives everywhere alike: a few plain terms where they do, else
@@ -163,26 +171,25 @@ void ScatteringSolve::find_majorant() {
   const std::size_t stride = transport_.moment_count();
   Light one(transport_.volume_count() * stride);
   for (std::size_t i = 0; i < one.size(); i += stride) one[i] = RgbD(1);
-  const auto is_found = [&](const Light& residual) {
-    majorant_source_ = difference(one, residual);
+  const auto is_found = [&](const Light& majorant, const Light& rest) {
+    majorant_source_ = difference(one, rest);
     double least = kInfinity;
     for (std::size_t i = 0; i < one.size(); i += stride)
-      for (int c = 0; c < 3; ++c)
-        least = std::min({least, majorant_source_[i][c], majorant_[i][c]});
+      for (int c = 0; c < 3; ++c) least = std::min({least, majorant_source_[i][c], majorant[i][c]});
     return least >= kLeastMajorant;
   };
   majorant_ = one;
   Light residual = transport_.scatter(one);  // 1 - (1 - K 1).
-  for (int term = 1; term < kPlainTerms; ++term) {
-    if (is_found(residual)) return;
+  for (int term = 1; term < kMajorantTerms; ++term) {
+    if (is_found(majorant_, residual)) return;
     add_times(residual, 1, majorant_);
     residual = transport_.scatter(residual);
   }
   for (int cycle = 0; cycle < kMostCycles; ++cycle) {
-    if (is_found(residual)) return;
-    residual = improve(majorant_, std::move(residual), kSafety);
+    if (is_found(majorant_, residual)) return;
+    improve(majorant_, residual, is_found);
   }
-  if (is_found(residual)) return;
+  if (is_found(majorant_, residual)) return;
   // Light that never ends, as in a closed white furnace without loss: nothing bounds it.
   std::fill(majorant_.begin(), majorant_.end(), RgbD(kInfinity));
 }

@@ -1,6 +1,7 @@
 // Sums the scatterings of light in the medium between two reflections: (1 + K + K^2 + ...) s.
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "bake/light_transport.h"
@@ -30,9 +31,10 @@ class ScatteringSolve {
   // Plain terms, added to `sum` and last in `term`; false where they converge slowly.
   bool add_terms(Light& sum, Light& term);
   void accelerate(const Light& source, Light& sum, Light residual);
-  // Steps of GMRES from `light`, whose residual is `residual`, until its norm is `wanted` times as
-  // large, within one cycle; returns the new one.
-  Light improve(Light& light, Light residual, double wanted);
+  using IsEnough = std::function<bool(const Light& light, const Light& residual)>;
+  // A cycle of GMRES from `light`, whose residual is `residual`; asks every few steps whether what
+  // it has found is enough.
+  void improve(Light& light, Light& residual, const IsEnough& is_enough);
   double bound_of(const Light& light, const Light& residual) const;
   void finish(const Light& sum, double bound);
   void find_majorant();
