@@ -12,7 +12,7 @@ constexpr double kSlowRatio = 0.6;
 constexpr int kMostCycles = 8;
 // Of GMRES between restarts, within the memory of so many numbers: it needs as many as records
 // stand between a light and the far side of the medium.
-constexpr std::size_t kMostSteps = 120, kLeastSteps = 12, kMostNumbers = std::size_t(8) << 20;
+constexpr std::size_t kMostSteps = 40, kLeastSteps = 12, kMostNumbers = std::size_t(8) << 20;
 constexpr int kStepsBetweenChecks = 2;
 // Records darker than this part of the mean need no better than it, where sums are accelerated.
 constexpr double kFloor = 0.1;
