@@ -37,6 +37,8 @@ VolumeRecords lattice() {
   return records;
 }
 
+// Exactly linear weights keep within 0.06; soft ones (docs/decisions/0009) within 0.12, and a kernel
+// that is not centred at all is 0.27 off.
 TEST(VolumeLookup, NearlyReproducesWhatIsLinearWithPositiveWeights) {
   const World world{Scene{}};
   const VolumeCache cache(lattice(), Vec3d(0.0));
@@ -71,7 +73,7 @@ TEST(VolumeLookup, NarrowRecordsAreNotDrownedByWideOnes) {
     const Vec2d u = random.uniform2();
     const Vec3d p = (Vec3d(u.x, u.y, random.uniform()) - Vec3d(0.5)) * 4;
     ASSERT_TRUE(lookup.moments(p, moments));
-    EXPECT_NEAR(moments[1], linear(p), 0.12) << p;
+    EXPECT_NEAR(moments[1], linear(p), 0.09) << p;
   }
   EXPECT_TRUE(lookup.moments({12, 0, 0}, moments));
   EXPECT_EQ(moments[1], 0) << "where it alone reaches it answers";
