@@ -23,8 +23,9 @@ namespace {
 // from where those over all surfaces never get to, so that each can tell how far its own kind came.
 constexpr int kCoarsestStride = 32, kFinestGlobalStride = 8;
 constexpr int kFirstViewWave = 128;
-// Over all surfaces, so many of the last waves stay in their cell.
-constexpr int kWavesInCells = 3;
+// Over all surfaces, so many of the last waves stay in their cell; patches are small enough for
+// those after at most kMostWaves.
+constexpr int kWavesInCells = 3, kMostWaves = 64;
 // Rows of a frame whose candidates are looked at together; a multiple of every stride.
 constexpr int kBandRows = 64;
 
@@ -83,11 +84,16 @@ class Baker {
                                              std::span<const std::uint32_t>(), volume_);
   }
   int next_wave_everywhere() const;
+  // Top records as they were before that wave over all surfaces.
+  std::shared_ptr<const IrradianceCache> before_wave(int wave) const;
   void everywhere();
   void views();
   void add_frame(WorkUnits& work, std::uint32_t batch, const BakeView& view, int stride);
   Points uncovered(const Points& points);
-  bool covers(const IrradianceCache& cache, const Candidate& c) const;
+  bool covers(const IrradianceCache& cache, const SurfacePoint& p) const;
+  SurfacePoint point_of(const Candidate& c) const {
+    return {vector(c.position) + origin_, vector(c.normal), c.offset, c.min_radius};
+  }
   // What a gather finds at a record, or found before.
   void gather(double offset, SurfaceRecord& record, int slot);
   // Gathers at all points, clamps and seals them; false where the bake stops first.
@@ -121,7 +127,7 @@ class Baker {
   std::shared_ptr<const IrradianceCache> cache_;
   RecordMaker maker_;
   std::shared_ptr<const VolumeCache> volume_;
-  Scattered scattered_;  // Of volume_, once something asked for it.
+  Scattered scattered_;                          // Of volume_, once something asked for it.
   std::shared_ptr<const IrradianceCache> deep_;  // What the gathers of top records see.
   HitLight below_;
   DeepStats deep_stats_;
@@ -132,19 +138,16 @@ class Baker {
 
 Baker::Points Baker::uncovered(const Points& points) {
   std::vector<std::uint8_t> keep(points.size());
-  parallel_for(request_.threads, points.size(), 256, [&](std::size_t i) {
-    const IrradianceQuery query{kTopLayer, points[i].position, points[i].normal, points[i].min_radius};
-    keep[i] = !cache_->covers(query, kCoveredWithin);
-  });
+  parallel_for(request_.threads, points.size(), 256,
+               [&](std::size_t i) { keep[i] = !covers(*cache_, points[i]); });
   Points left;
   for (std::size_t i = 0; i < points.size(); ++i)
     if (keep[i]) left.push_back(points[i]);
   return left;
 }
 
-bool Baker::covers(const IrradianceCache& cache, const Candidate& c) const {
-  return cache.covers({kTopLayer, vector(c.position) + origin_, vector(c.normal), c.min_radius},
-                      kCoveredWithin);
+bool Baker::covers(const IrradianceCache& cache, const SurfacePoint& p) const {
+  return cache.covers(pixel_query(world_, p.position, p.normal, p.min_radius), kCoveredWithin);
 }
 
 void Baker::gather(double offset, SurfaceRecord& r, int slot) {
@@ -188,26 +191,50 @@ int Baker::next_wave_everywhere() const {
   return next;
 }
 
-// Waves of candidates over all surfaces. Goes on after the waves that an earlier bake sealed: asked
-// again, those would fill what their thinning left to the next. They end in cells, which shards share.
+std::shared_ptr<const IrradianceCache> Baker::before_wave(int wave) const {
+  Records before;
+  for (const SurfaceRecord& r : records_)
+    if (r.layer() == kTopLayer && (r.wave() < wave || r.wave() >= kFirstViewWave))
+      before.push_back(r);
+  return cache_of(std::move(before));
+}
+
+// Waves of candidates over all surfaces, each twice as dense as the one before. Goes on after the
+// waves that an earlier bake sealed: asked again, those would fill what their thinning left to the
+// next. They end in cells, which shards share.
 void Baker::everywhere() {
-  const SurfacePoints surfaces(world_.tracer());
-  const double coarsest = settings_.max_radius * world_.diagonal();
-  const double finest = settings_.min_radius * world_.diagonal();
-  const int waves = std::min(kFirstViewWave, placement_waves(coarsest, finest));
+  SurfacePatches patches(world_.tracer());
+  const double finest = settings_.min_radius / world_.unit();
+  double spacing = finest;
+  int waves = 1;
+  for (const double largest = patches.largest(); spacing < largest && waves < kMostWaves; ++waves)
+    spacing *= 2;
   const int first_in_cells = std::max(0, waves - kWavesInCells);
-  int wave = next_wave_everywhere();
-  if (wave > first_in_cells) return;
-  const auto open = [&] {
-    report("gather", double(wave) / waves);
-    return uncovered(surfaces.points(std::ldexp(coarsest, -wave), random_key(settings_.seed, wave)));
+  const int next = next_wave_everywhere();
+  if (next > first_in_cells) return;
+  int wave = 0;
+  const auto split = [&] {
+    const auto before = wave < next ? before_wave(wave) : cache_;
+    patches.split(spacing, request_.threads, [&](SurfacePoint p) {
+      p.min_radius = finest;
+      return covers(*before, p);
+    });
   };
-  const auto distance = [&] { return 0.7 * std::max(std::ldexp(coarsest, -wave), finest); };
-  for (; wave < first_in_cells; ++wave)
-    if (is_stopped() || !bake_wave(thin(open(), distance()), wave)) return;
-  WorkUnits work(origin_);
-  for (; wave < waves; ++wave) {
-    const std::uint32_t batch = work.add_batch({wave, distance()});
+  const auto open = [&] {
+    Points points = patches.points(spacing, random_key(settings_.seed, wave));
+    for (SurfacePoint& p : points) p.min_radius = finest;
+    return uncovered(points);
+  };
+  for (; wave < first_in_cells; ++wave, spacing /= 2) {
+    report("gather", 0.3 * wave / waves);
+    split();
+    if (wave < next) continue;
+    if (is_stopped() || !bake_wave(thin(open(), 0.7 * spacing), wave)) return;
+  }
+  WorkUnits work(origin_, world_.unit());
+  for (; wave < waves; ++wave, spacing /= 2) {
+    const std::uint32_t batch = work.add_batch({wave, 0.7 * spacing});
+    split();
     for (const SurfacePoint& p : open()) work.add(batch, p, finest);
   }
   bake_units(work);
@@ -231,7 +258,7 @@ void Baker::views() {
           uncovered(view_points(world_, view, frame, stride, stride < kCoarsestStride));
       if (!bake_wave(open, wave)) return;
     }
-  WorkUnits work(origin_);
+  WorkUnits work(origin_, world_.unit());
   for (int stride = kFinestGlobalStride / 2; stride >= 1; stride /= 2, ++wave)
     for (const BakeView& view : request_.views)
       add_frame(work, work.add_batch({wave, 0}), view, stride);
@@ -246,7 +273,7 @@ std::optional<Baker::Records> Baker::bake_unit(const WorkUnits& work, WorkUnit u
     const std::uint32_t batch = unit[begin].batch;
     std::vector<Candidate> open;
     for (; begin < unit.size() && unit[begin].batch == batch; ++begin)
-      if (!covers(own, unit[begin])) open.push_back(unit[begin]);
+      if (!covers(own, point_of(unit[begin]))) open.push_back(unit[begin]);
     if (open.empty()) continue;
     const Records fresh = bake_batch(open, work.batch(batch), own, slot);
     if (stopped_) return std::nullopt;
@@ -260,8 +287,7 @@ std::optional<Baker::Records> Baker::bake_unit(const WorkUnits& work, WorkUnit u
 Baker::Records Baker::bake_batch(std::span<const Candidate> open, const CandidateBatch& batch,
                                  const IrradianceCache& own, int slot) {
   Points points;
-  for (const Candidate& c : open)
-    points.push_back({vector(c.position) + origin_, vector(c.normal), c.offset, c.min_radius});
+  for (const Candidate& c : open) points.push_back(point_of(c));
   if (batch.thinned_to > 0) points = thin(points, batch.thinned_to);
   Records fresh, found;
   for (const SurfacePoint& p : points) {

@@ -28,8 +28,10 @@ struct BakeSettings {
   std::uint64_t seed = 1;
   // Split-sphere accuracy [WRC88]: radius = error * mean distance; smaller is finer.
   double error = 0.15;
-  double min_radius = 0.002;  // Of the scene's diagonal.
-  double max_radius = 0.08;   // Of the scene's diagonal.
+  // How close together records may be placed over all surfaces (BakeRequest::everywhere) [m]. Those
+  // of views are placed by the footprints of pixels.
+  double min_radius = 0.01;
+  double max_radius = kInfinity;  // No record reaches farther [m].
   LightDepth light_depth = LightDepth::Volumes;
 
   std::string to_json() const;  // One line, every member.
@@ -117,15 +119,22 @@ using Scattered = std::shared_ptr<const IncidentField>;
 // else costs a field of them.
 HitLight light_below(const IrradianceCache& cache, const BakeSettings& settings, const World& world,
                      int threads, const Scattered& scattered = nullptr);
-// The same of deep records alone, each as if at least `min_radius` wide.
-HitLight deep_light(const IrradianceCache& cache, const World& world, double min_radius,
-                    int threads, const Scattered& scattered = nullptr);
+// The same of deep records alone.
+HitLight deep_light(const IrradianceCache& cache, const World& world, int threads,
+                    const Scattered& scattered = nullptr);
 
-// Split-sphere radius [WRC88] of a gather, both axes alike: accuracy times mean distance, limited
-// by the gradient (|grad E| R <= accuracy * E along the surface) and to [min_radius, max_radius] of
-// the diagonal.
-double split_sphere_radius(const GatherResult& gather, const Vec3d& normal,
-                           const BakeSettings& settings, double diagonal);
+// How far a record may reach, in world units: accuracy times the mean distance of what its gather
+// saw (split sphere [WRC88]) or of what shines there, never farther than the nearest surface that
+// the gather saw, nor than the gradient allows (|grad E| R <= accuracy * E along the surface).
+// Where nothing arrives, accuracy times `clearance`, the distance to the nearest surface above the
+// record's plane (RayTracer::clearance). `unit`: metres of a world unit.
+double record_radius(const GatherResult& gather, const Vec3d& normal, double clearance,
+                     const BakeSettings& settings, double unit);
+
+// What a pixel asks of a cache about a point that it sees, where records are placed, found, looked
+// for and explained alike. `footprint`: kFootprintPixels of its pixels.
+IrradianceQuery pixel_query(const World& world, const Vec3d& position, const Vec3d& normal,
+                            double footprint);
 
 // Adds what the views (or all surfaces) need to `existing` (null: nothing). Without indirect light
 // to hold (Effects::indirect) the cache is empty. Throws Error(Stopped) never: see is_stopped.

@@ -11,13 +11,27 @@
 #include "bake/volume_placement.h"
 #include "core/parallel.h"
 #include "core/random.h"
+#include "core/sampling.h"
+#include "gather/surface_light.h"
 
 namespace brume {
 namespace {
 
-// Half the cells each way, twice the spacing, and no small radii.
+// Half the cells each way, twice the spacing.
 constexpr int kCellsDivisor = 2;
-constexpr double kErrorFactor = 2, kMinRadiusFactor = 8;
+constexpr double kErrorFactor = 2;
+// Records are first placed so many footprints apart, half as many in each wave that follows: most
+// reach farther than the footprint that asked for them.
+constexpr double kFirstSpacing = 8;
+// Hits that are asked about more finely than this part of the median first hit are not worth a
+// record: what goes on in a crack matters little to what lies outside.
+constexpr double kFinestPart = 1.0 / 4;
+// Placement ends where open hits stand for so little of the area that all hits stand for: there,
+// the nearest records in sight answer from farther away. Light in a clutter of small things reaches
+// few others, and would take most records (docs/decisions/0010).
+constexpr double kOpenPart = 0.015;
+constexpr std::size_t kMostRecords = 40000, kLeastWave = 1000;
+constexpr int kLampRays = 256, kMostLamps = 64, kLampSamples = 8;
 // Of a stratum, that stand for the medium along it. A row has hundreds of strata, so that more
 // change nothing, but a little where directions matter (docs/decisions/0009).
 constexpr int kMediumPoints = 1, kMediumPointsOfLobes = 2;
@@ -44,7 +58,6 @@ class DeepBake {
         effects_(effects),
         request_(request),
         origin_(origin),
-        finest_(settings_.min_radius * world_.diagonal()),
         maker_(lighting, effects, first_settings_, origin, request.threads),
         medium_(lighting, first_settings_, effects, origin, request.threads, request.journal),
         cache_({}, origin) {}
@@ -53,10 +66,7 @@ class DeepBake {
 
  private:
   using Records = std::vector<SurfaceRecord>;
-  struct Source {
-    DeepRow row;
-    double offset = 0;  // Clears the surface.
-  };
+  using Points = std::vector<SurfacePoint>;
 
   bool is_stopped() {
     if (!stopped_ && request_.stop_requested && request_.stop_requested()) stopped_ = true;
@@ -65,17 +75,23 @@ class DeepBake {
   void report(double fraction) const {
     if (request_.progress) request_.progress("bounces", fraction);
   }
-  bool is_covered(const Vec3d& position, const Vec3d& normal) const {
-    return cache_.covers({kDeepLayer, position, normal, finest_}, kCoveredWithin);
+  bool is_covered(const SurfacePoint& p) const {
+    return cache_.covers({kDeepLayer, p.position, p.normal, p.min_radius, &world_.tracer()},
+                         kCoveredWithin);
   }
-  bool place_everywhere();
-  bool place_at_uncovered_hits();
-  bool bake_wave(const std::vector<SurfacePoint>& points);
+  Points uncovered(const Points& points) const;
+  // Where light first lands, and what surfaces see anywhere.
+  Points first_points() const;
+  // Until nearly all hits of all gathers are covered.
+  bool place();
+  bool bake_wave(const Points& points);
   // What an earlier run's first gather found at a record that is placed.
   bool find_first(SurfaceRecord& record, DeepRow& row) const;
-  // Hits of reflecting strata that no record covers.
-  void add_uncovered(const Vec3d& receiver, const Strata& strata,
-                     std::vector<SurfacePoint>& points) const;
+  // Hits of the reflecting strata of a gather at `receiver`.
+  static double area_of(const Points& points);
+  Points hits(const Vec3d& receiver, const DeepRow& row) const;
+  // With positions and offsets as their surface has them.
+  Points on_surfaces(Points points) const;
   Records with_light(const std::vector<RgbD>& light) const;
   // Gathers again at surface records, now that the light is known, for gradients. Records of the
   // medium are interpolated by weights that nearly reproduce what is linear, and need none.
@@ -89,15 +105,15 @@ class DeepBake {
   const Effects& effects_;
   const BakeRequest& request_;
   Vec3d origin_;
-  double finest_;
+  double finest_ = 0;  // Of footprints.
+  double asked_ = 0;   // Area that all hits of all gathers stand for.
   RecordMaker maker_;
   VolumePlacement medium_;
   IrradianceCache cache_;  // Of records_, whose light is of their first gathers.
   Records records_;
-  std::unordered_map<std::uint64_t, Source> sources_;  // By key.
-  std::vector<std::uint64_t> last_wave_;               // Keys.
-  std::shared_ptr<const VolumeCache> volume_;          // What the solve found,
-  std::shared_ptr<const IncidentField> scattered_;     // and as gathers ask for it.
+  std::unordered_map<std::uint64_t, DeepRow> rows_;  // By key.
+  std::shared_ptr<const VolumeCache> volume_;        // What the solve found,
+  std::shared_ptr<const IncidentField> scattered_;   // and as gathers ask for it.
   Counters counters_;
   int wave_ = 0;
   std::atomic<bool> stopped_ = false;
@@ -111,7 +127,7 @@ bool DeepBake::find_first(SurfaceRecord& record, DeepRow& row) const {
   return true;
 }
 
-bool DeepBake::bake_wave(const std::vector<SurfacePoint>& points) {
+bool DeepBake::bake_wave(const Points& points) {
   Records fresh(points.size());
   std::vector<DeepRow> rows(points.size());
   HitLight lamps;
@@ -121,11 +137,6 @@ bool DeepBake::bake_wave(const std::vector<SurfacePoint>& points) {
     fresh[i] = maker_.place(points[i], kDeepLayer, wave_);
     if (find_first(fresh[i], rows[i])) return;
     const GatherResult g = maker_.gather(points[i].offset, lamps, fresh[i], slot);
-    // Never farther than the gap that the record sees, however small: what lies past it may be
-    // another room.
-    const float gap =
-        static_cast<float>(std::max<double>(g.nearest, std::numeric_limits<float>::min()));
-    for (float& radius : fresh[i].radius) radius = std::min(radius, gap);
     rows[i] = {{g.irradiance_media + g.irradiance_emitted},
                {g.irradiance_surface - g.irradiance_emitted},
                maker_.strata(slot)};
@@ -133,13 +144,11 @@ bool DeepBake::bake_wave(const std::vector<SurfacePoint>& points) {
   });
   if (stopped_) return false;
   maker_.clamp_by_neighbours(fresh, kDeepLayer, {&cache_});
-  last_wave_.clear();
   for (std::size_t i = 0; i < fresh.size(); ++i) {
+    rows[i].footprint = points[i].min_radius;
+    rows[i].offset = points[i].offset;
     // Two hits may be the very same point.
-    if (!sources_.emplace(fresh[i].key, Source{std::move(rows[i]), points[i].offset}).second)
-      continue;
-    last_wave_.push_back(fresh[i].key);
-    records_.push_back(fresh[i]);
+    if (rows_.emplace(fresh[i].key, std::move(rows[i])).second) records_.push_back(fresh[i]);
   }
   std::sort(records_.begin(), records_.end(), RecordOrder());
   cache_ = IrradianceCache(records_, origin_);
@@ -147,66 +156,121 @@ bool DeepBake::bake_wave(const std::vector<SurfacePoint>& points) {
   return true;
 }
 
-// Each wave is twice as dense as the one before.
-bool DeepBake::place_everywhere() {
-  const SurfacePoints surfaces(world_.tracer());
-  const double coarsest = settings_.max_radius * world_.diagonal();
-  const int waves = placement_waves(coarsest, finest_);
-  for (int wave = 0; wave < waves; ++wave) {
-    report(0.6 * wave / waves);
-    const auto points =
-        surfaces.points(std::ldexp(coarsest, -wave), random_key(settings_.seed, wave));
-    std::vector<std::uint8_t> is_open(points.size());
-    parallel_for(request_.threads, points.size(), 256, [&](std::size_t i) {
-      is_open[i] = !is_covered(points[i].position, points[i].normal);
-    });
-    std::vector<SurfacePoint> open;
-    for (std::size_t i = 0; i < points.size(); ++i)
-      if (is_open[i]) open.push_back(points[i]);
-    const double distance = 0.7 * std::max(std::ldexp(coarsest, -wave), finest_);
-    if (is_stopped() || !bake_wave(thin(open, distance))) return false;
-  }
-  return true;
+DeepBake::Points DeepBake::uncovered(const Points& points) const {
+  std::vector<std::uint8_t> is_open(points.size());
+  parallel_for(request_.threads, points.size(), 64,
+               [&](std::size_t i) { is_open[i] = !is_covered(points[i]); });
+  Points open;
+  for (std::size_t i = 0; i < points.size(); ++i)
+    if (is_open[i]) open.push_back(points[i]);
+  return open;
 }
 
-void DeepBake::add_uncovered(const Vec3d& receiver, const Strata& strata,
-                             std::vector<SurfacePoint>& points) const {
-  for (const Stratum& s : strata.strata) {
-    const Vec3d normal = vector(s.normal);
-    if (!s.reflects() ||
-        cache_.covers({kDeepLayer, receiver + s.way() * double(s.distance), normal, finest_}))
-      continue;
-    const Hit hit = world_.tracer().intersect({receiver, s.way().normalized()});
-    if (hit.is_hit()) points.push_back({hit.position, normal, hit.offset, 0});
+DeepBake::Points DeepBake::first_points() const {
+  Points points;
+  // Where no lamp's light lands, only light that no lamp sends could begin.
+  const bool is_lit_otherwise =
+      effects_.scattering || effects_.emission || world_.has_gathered_emitters();
+  const auto add_hit = [&](const Ray& ray, double spread, std::uint64_t of_point) {
+    const Hit hit = world_.tracer().intersect(ray);
+    if (!hit.is_hit() || !world_.material(hit).reflects()) return;
+    const Vec3d n = reflecting_normal(hit, ray.direction);
+    Counters ignored;
+    if (!is_lit_otherwise && is_black(direct_irradiance(lighting_, hit.position + n * hit.offset, n,
+                                                        kLampSamples, of_point, ignored)))
+      return;
+    points.push_back({hit.position, n, hit.offset, spread * hit.t});
+  };
+  const std::uint64_t key = random_key(settings_.seed, 0x6669727374ULL);
+  // Lamps of which there are many stand for each other.
+  std::vector<const Light*> lamps;
+  for (const auto& light : world_.lights())
+    if (light->kind() != Light::Kind::Directional && light->kind() != Light::Kind::Environment)
+      lamps.push_back(light.get());
+  const std::size_t step = lamps.size() / kMostLamps + 1;
+  for (std::size_t l = 0; l < lamps.size(); l += step)
+    for (int i = 0; i < kLampRays; ++i) {
+      RandomStream random(random_key(key, l, i));
+      const Vec2d u = random.uniform2();
+      add_hit({lamps[l]->centre(), sample_sphere({(i + u.x) / kLampRays, u.y})},
+              std::sqrt(kPi / kLampRays), random.bits());
+    }
+  const double spread = 0.5 * std::sqrt(kPi / settings_.gather.cell_count());
+  std::uint64_t i = 0;
+  for (const SurfacePoint& p : some_surface_points(world_.tracer(), key)) {
+    RandomStream random(random_key(key, i++));
+    const Vec3d up = sample_cosine_hemisphere(random.uniform2());
+    add_hit({p.position + p.normal * p.offset, Frame(p.normal).to_world(up)}, spread,
+            random.bits());
   }
+  return points;
 }
 
-// What waves over all surfaces left open and some gather sees becomes a record, until none is left.
-bool DeepBake::place_at_uncovered_hits() {
-  const std::vector<DeepRow>& of_medium = medium_.rows();
-  std::vector<std::vector<SurfacePoint>> found(of_medium.size());
-  parallel_for(request_.threads, found.size(), 16, [&](std::size_t i) {
-    add_uncovered(vector(medium_.records().records[i].position) + origin_, of_medium[i].strata,
-                  found[i]);
+DeepBake::Points DeepBake::hits(const Vec3d& receiver, const DeepRow& row) const {
+  Points points;
+  for (const Stratum& s : row.strata.strata)
+    if (s.reflects())
+      points.push_back({receiver + s.way() * double(s.distance), vector(s.normal), 0,
+                        std::max(row.footprint_at(s), finest_)});
+  return points;
+}
+
+DeepBake::Points DeepBake::on_surfaces(Points points) const {
+  parallel_for(request_.threads, points.size(), 64, [&](std::size_t i) {
+    SurfacePoint& p = points[i];
+    p.offset = world_.tracer().offset_at(p.position);
+    const double above = 4 * p.offset;
+    const Hit hit =
+        world_.tracer().intersect({p.position + p.normal * above, -p.normal}, 2 * above);
+    if (!hit.is_hit()) return;
+    p.position = hit.position;
+    p.offset = hit.offset;
   });
-  last_wave_.clear();
-  for (const SurfaceRecord& r : records_) last_wave_.push_back(r.key);
-  for (;;) {
-    std::unordered_map<std::uint64_t, const SurfaceRecord*> by_key;
-    for (const SurfaceRecord& r : records_) by_key.emplace(r.key, &r);
-    const std::size_t first = found.size();
-    found.resize(first + last_wave_.size());
-    parallel_for(request_.threads, last_wave_.size(), 16, [&](std::size_t i) {
-      const SurfaceRecord& r = *by_key.at(last_wave_[i]);
-      const Source& source = sources_.at(r.key);
-      add_uncovered(vector(r.position) + origin_ + vector(r.normal) * source.offset,
-                    source.row.strata, found[first + i]);
-    });
-    std::vector<SurfacePoint> open;
-    for (const auto& points : found) open.insert(open.end(), points.begin(), points.end());
-    found.clear();
-    if (open.empty()) return true;
-    if (is_stopped() || !bake_wave(thin(open, 0.7 * finest_))) return false;
+  return points;
+}
+
+// That the points stand for.
+double DeepBake::area_of(const Points& points) {
+  double sum = 0;
+  for (const SurfacePoint& p : points) sum += p.min_radius * p.min_radius;
+  return sum;
+}
+
+bool DeepBake::place() {
+  Points open = first_points();
+  std::vector<double> footprints;
+  for (const SurfacePoint& p : open) footprints.push_back(p.min_radius);
+  if (!footprints.empty()) {
+    const auto middle = footprints.begin() + static_cast<std::ptrdiff_t>(footprints.size() / 2);
+    std::nth_element(footprints.begin(), middle, footprints.end());
+    finest_ = *middle * kFinestPart;
+  }
+  for (SurfacePoint& p : open) p.min_radius = std::max(p.min_radius, finest_);
+  for (std::size_t i = 0; i < medium_.rows().size(); ++i) {
+    const Points seen =
+        hits(vector(medium_.records().records[i].position) + origin_, medium_.rows()[i]);
+    asked_ += area_of(seen);
+    open.insert(open.end(), seen.begin(), seen.end());
+  }
+  for (double spacing = kFirstSpacing;; spacing = std::max(1.0, spacing / 2)) {
+    open = uncovered(open);
+    if (open.empty() || area_of(open) < kOpenPart * asked_ || records_.size() >= kMostRecords)
+      return true;
+    report(0.6 * std::min(1.0, kOpenPart * asked_ / area_of(open)));
+    Points points = thin_by_footprint(open, 0.7 * spacing);
+    points.resize(std::min({points.size(), kMostRecords - records_.size(),
+                            std::max(kLeastWave, records_.size() / 2)}));
+    const std::size_t before = records_.size();
+    if (is_stopped() || !bake_wave(on_surfaces(std::move(points)))) return false;
+    if (records_.size() == before) return true;
+    for (const SurfaceRecord& r : records_) {
+      if (r.wave() != std::min(wave_ - 1, 255)) continue;
+      const DeepRow& row = rows_.at(r.key);
+      const Points all = hits(vector(r.position) + origin_ + vector(r.normal) * row.offset, row);
+      asked_ += area_of(all);
+      const Points seen = uncovered(all);
+      open.insert(open.end(), seen.begin(), seen.end());
+    }
   }
 }
 
@@ -222,7 +286,7 @@ DeepBake::Records DeepBake::with_light(const std::vector<RgbD>& light) const {
 
 bool DeepBake::add_gradients(Records& surface, const std::vector<RgbD>& before) {
   const IrradianceCache reflected(with_light(before), origin_, {}, volume_);
-  HitLight light = deep_light(reflected, world_, finest_, request_.threads);
+  HitLight light = deep_light(reflected, world_, request_.threads);
   scattered_ = light.scattered;
   light.reflect = settings_.bounces > 1;
   if (!light.reflect) light.cache = nullptr;  // `before` is all dark then.
@@ -233,7 +297,7 @@ bool DeepBake::add_gradients(Records& surface, const std::vector<RgbD>& before) 
     SurfaceRecord again = surface[i];
     again.flags = record_flags(kSolvedLayer, again.wave());
     if (!recall(request_.journal, again)) {
-      maker.gather(sources_.at(again.key).offset, light, again, slot);
+      maker.gather(rows_.at(again.key).offset, light, again, slot);
       if (request_.journal) request_.journal->add(again);
     }
     // Where it lies, how far it reaches and what it receives stay.
@@ -276,12 +340,12 @@ DeepSolution DeepBake::solve() {
         found->reflected_fluence.size() == volume.size())
       return std::move(*found);
   std::vector<DeepRow> surface_rows;
-  for (const SurfaceRecord& r : records_) surface_rows.push_back(std::move(sources_.at(r.key).row));
+  // Leaves their offsets, which second gathers need.
+  for (const SurfaceRecord& r : records_) surface_rows.push_back(std::move(rows_.at(r.key)));
   std::vector<DeepRow>& volume_rows = medium_.rows();
   const IrradianceCache places(records_, origin_, {},
                                std::make_shared<VolumeCache>(volume, origin_));
-  const LightTransport transport(world_, places, surface_rows, volume_rows, finest_,
-                                 request_.threads);
+  const LightTransport transport(world_, places, surface_rows, volume_rows, request_.threads);
   DeepSolution solution = solve_deep_light(transport, surface_rows, volume_rows, settings_.bounces,
                                            settings_.volume_bounces);
   if (request_.journal) {
@@ -294,10 +358,9 @@ DeepSolution DeepBake::solve() {
 std::optional<DeepRecords> DeepBake::bake() {
   const auto stopped = [this] { return is_stopped(); };
   const bool has_surfaces = needs_deep_surfaces(world_, settings_, effects_);
-  if (has_surfaces && !place_everywhere()) return std::nullopt;
-  report(0.6);
   if (effects_.multiple_scattering && !medium_.place(stopped)) return std::nullopt;
-  if (has_surfaces && !place_at_uncovered_hits()) return std::nullopt;
+  if (has_surfaces && !place()) return std::nullopt;
+  report(0.6);
 
   const auto start = std::chrono::steady_clock::now();
   DeepRecords deep;
@@ -355,7 +418,6 @@ BakeSettings deep_settings(const BakeSettings& settings) {
   deep.gather.cells_theta = std::max(4, settings.gather.cells_theta / kCellsDivisor);
   deep.gather.cells_phi = std::max(8, settings.gather.cells_phi / kCellsDivisor);
   deep.error *= kErrorFactor;
-  deep.min_radius = std::min(settings.max_radius, settings.min_radius * kMinRadiusFactor);
   return deep;
 }
 

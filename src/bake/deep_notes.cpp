@@ -8,7 +8,7 @@ namespace {
 
 struct RowHeader {
   std::uint32_t numbers, strata, points, reserved;
-  double nearest, error;
+  double nearest, error, spread;
 };
 
 struct SolutionHeader {
@@ -49,7 +49,8 @@ std::vector<unsigned char> bytes_of(const DeepRow& row) {
                          static_cast<std::uint32_t>(row.strata.points.size()),
                          0,
                          row.nearest,
-                         row.error};
+                         row.error,
+                         row.strata.spread};
   std::vector<unsigned char> bytes;
   append(bytes, std::span(&header, 1));
   append(bytes, std::span(row.unreflected));
@@ -70,6 +71,7 @@ std::optional<DeepRow> row_of(std::span<const unsigned char> bytes) {
   DeepRow row;
   row.nearest = header->nearest;
   row.error = header->error;
+  row.strata.spread = header->spread;
   take(bytes, header->numbers, row.unreflected);
   take(bytes, header->numbers, row.reflected);
   take(bytes, header->strata, row.strata.strata);
@@ -107,7 +109,8 @@ std::vector<unsigned char> bytes_of(const DeepSolution& s) {
 std::optional<DeepSolution> solution_of(std::span<const unsigned char> bytes) {
   const auto header = take_header<SolutionHeader>(bytes);
   if (!header) return std::nullopt;
-  for (const std::uint64_t count : {header->surface, header->moments, header->volume, header->changes})
+  for (const std::uint64_t count :
+       {header->surface, header->moments, header->volume, header->changes})
     if (count > bytes.size()) return std::nullopt;
   if (bytes.size() < sizeof(RgbD) * (2 * header->surface + header->moments + header->volume) +
                          sizeof(double) * header->changes)

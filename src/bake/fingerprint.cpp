@@ -1,3 +1,4 @@
+#include <cmath>
 #include <cstdio>
 
 #include "bake/bake.h"
@@ -6,9 +7,11 @@ namespace brume {
 namespace {
 
 // Bumped whenever the same scene and settings would give other records.
-constexpr int kAlgorithmVersion = 6;
+constexpr int kAlgorithmVersion = 7;
 
+// Infinity is null.
 std::string number(double v) {
+  if (!std::isfinite(v)) return "null";
   char text[40];
   std::snprintf(text, sizeof text, "%.17g", v);
   return text;
@@ -25,7 +28,7 @@ std::string BakeSettings::to_json() const {
          ",\"volume_bounces\":" +
          (volume_bounces == kEveryOrder ? "\"auto\"" : std::to_string(volume_bounces)) +
          ",\"seed\":" + std::to_string(seed) + ",\"error\":" + number(error) +
-         ",\"min_radius\":" + number(min_radius) + ",\"max_radius\":" + number(max_radius) +
+         ",\"min_radius_m\":" + number(min_radius) + ",\"max_radius_m\":" + number(max_radius) +
          ",\"light_depth\":\"" + (light_depth == LightDepth::Exact ? "exact" : "volumes") + "\"}";
 }
 

@@ -18,8 +18,8 @@ struct DeepSolution {
   std::vector<RgbD> reflected_fluence;  // Of volume records: what comes straight from surfaces.
   int applications = 0;                 // Of the transport operator.
   std::uint64_t strata = 0;             // That it was made of.
-  int orders = 0;            // Reflections that were added up.
-  int scatterings = 0;       // Most scatterings between two of them that were added up one by one.
+  int orders = 0;                       // Reflections that were added up.
+  int scatterings = 0;  // Most scatterings between two of them that were added up one by one.
   bool is_accelerated = false;  // Scatterings without end were summed by GMRES instead.
   std::vector<double> changes;  // What each order added, in the mean over records, of all so far.
   double ratio = 0;             // Of the last change to the one before.

@@ -5,6 +5,7 @@
 
 #include "core/parallel.h"
 #include "core/spherical_harmonics.h"
+#include "gather/gather.h"
 #include "gather/incident_field.h"
 
 namespace brume {
@@ -18,7 +19,7 @@ RgbD rgb(const float* c) { return {c[0], c[1], c[2]}; }
 
 LightTransport::LightTransport(const World& world, const IrradianceCache& deep,
                                std::vector<DeepRow>& surface_rows,
-                               std::vector<DeepRow>& volume_rows, double min_radius, int threads)
+                               std::vector<DeepRow>& volume_rows, int threads)
     : order_(deep.volume()->order()),
       moments_(harmonic_count(deep.volume()->order())),
       surface_count_(surface_rows.size()),
@@ -40,8 +41,7 @@ LightTransport::LightTransport(const World& world, const IrradianceCache& deep,
     else
       even.resize(from.size());
     parallel_for_slots(threads, from.size(), 16, [&](std::size_t i, int slot) {
-      Row row =
-          linked(position(i) + deep.origin(), std::move(from[i].strata), deep, medium, min_radius);
+      Row row = linked(world, position(i, from[i].offset) + deep.origin(), from[i], deep, medium);
       from[i].strata = {};
       if (order_ > 0)
         to[i] = std::move(row);
@@ -50,10 +50,12 @@ LightTransport::LightTransport(const World& world, const IrradianceCache& deep,
                          volume_sums[static_cast<std::size_t>(slot)]);
     });
   };
-  link(surface_rows, surface_rows_, even_surface_rows_,
-       [&](std::size_t i) { return vector(deep.records()[i].position); });
+  link(surface_rows, surface_rows_, even_surface_rows_, [&](std::size_t i, double offset) {
+    const SurfaceRecord& r = deep.records()[i];
+    return vector(r.position) + vector(r.normal) * offset;
+  });
   link(volume_rows, volume_rows_, even_volume_rows_,
-       [&](std::size_t i) { return vector(deep.volume()->all().records[i].position); });
+       [&](std::size_t i, double) { return vector(deep.volume()->all().records[i].position); });
 }
 
 void LightTransport::Sums::add(std::uint32_t record, const RgbD& weight) {
@@ -97,9 +99,10 @@ RgbD LightTransport::shade(const std::vector<Weight>& row, const std::vector<Rgb
   return sum;
 }
 
-LightTransport::Row LightTransport::linked(const Vec3d& receiver, Strata strata,
-                                           const IrradianceCache& deep, const VolumeLookup& medium,
-                                           double min_radius) const {
+LightTransport::Row LightTransport::linked(const World& world, const Vec3d& receiver,
+                                           const DeepRow& of, const IrradianceCache& deep,
+                                           const VolumeLookup& medium) const {
+  const Strata& strata = of.strata;
   Row row;
   row.links.reserve(strata.strata.size());
   std::vector<VolumePart> parts;
@@ -110,8 +113,9 @@ LightTransport::Row LightTransport::linked(const Vec3d& receiver, Strata strata,
     link.measure = s.measure;
     if (s.reflects()) {
       std::copy_n(s.reflectance, 3, link.reflectance);
-      const std::vector<RecordWeight> covering = deep.explain(
-          {kDeepLayer, receiver + s.way() * double(s.distance), vector(s.normal), min_radius});
+      const std::vector<RecordWeight> covering =
+          deep.explain(hit_query(world, kDeepLayer, receiver + s.way() * double(s.distance),
+                                 vector(s.normal), of.footprint_at(s)));
       double sum = 0;
       for (const RecordWeight& w : covering) sum += w.weight;
       for (const RecordWeight& w : covering)

@@ -2,6 +2,7 @@
 // of their gathers (docs/decisions/0008).
 #pragma once
 
+#include <algorithm>
 #include <optional>
 #include <span>
 #include <vector>
@@ -20,6 +21,15 @@ struct DeepRow {
   std::vector<RgbD> reflected;    // Lamps' light that the hits reflect.
   Strata strata;
   double nearest = kInfinity, error = 0;  // As gathers in the medium tell them.
+  // What its record stands for, to whoever it was placed for: it need not know its surroundings
+  // better. 0: it stands for nothing.
+  double footprint = 0;
+  double offset = 0;  // Along a surface record's normal, to where its gather looked from.
+
+  // How far around a stratum's hit that stratum stands for: twice its width, since a row has many.
+  double footprint_at(const Stratum& s) const {
+    return std::max(2 * strata.spread * double(s.distance), footprint);
+  }
 };
 
 // A row as a journal keeps it, and back; nothing for bytes that are no row.
@@ -37,10 +47,10 @@ struct DeepLight {
 class LightTransport {
  public:
   // `surface_rows` and `volume_rows` in the order of the records of `deep`, which are all deep;
-  // their strata are consumed. Surface records act as if at least `min_radius` wide.
+  // their strata are consumed.
   LightTransport(const World& world, const IrradianceCache& deep,
                  std::vector<DeepRow>& surface_rows, std::vector<DeepRow>& volume_rows,
-                 double min_radius, int threads);
+                 int threads);
 
   // K of what surfaces reflect, from their irradiance.
   DeepLight reflect(const std::vector<RgbD>& irradiance) const;
@@ -89,8 +99,8 @@ class LightTransport {
     void add(std::uint32_t record, const RgbD& weight);
     std::vector<Weight> take();
   };
-  Row linked(const Vec3d& receiver, Strata strata, const IrradianceCache& deep,
-             const VolumeLookup& medium, double min_radius) const;
+  Row linked(const World& world, const Vec3d& receiver, const DeepRow& of,
+             const IrradianceCache& deep, const VolumeLookup& medium) const;
   // From surfaces, or from the medium where `surface` is null.
   std::vector<RgbD> at_surfaces(const std::vector<RgbD>* surface,
                                 const std::vector<RgbD>* volume) const;

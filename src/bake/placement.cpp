@@ -1,7 +1,9 @@
 #include "bake/placement.h"
 
+#include <algorithm>
 #include <unordered_map>
 
+#include "core/parallel.h"
 #include "core/random.h"
 #include "core/sampling.h"
 #include "scene/camera_rays.h"
@@ -13,96 +15,212 @@ SurfacePoint point_of(const Hit& hit, bool front, double min_radius) {
   return {hit.position, front ? hit.shading_normal : -hit.shading_normal, hit.offset, min_radius};
 }
 
-struct CellHash {
-  std::size_t operator()(const std::array<std::int64_t, 3>& c) const {
-    return random_key(c[0], c[1], c[2]);
-  }
-};
-
 }  // namespace
 
-SurfacePoints::SurfacePoints(const RayTracer& tracer) : tracer_(tracer) {
-  double sum = 0;
-  for (std::uint32_t m = 0; m < tracer.meshes().size(); ++m) {
-    const TriangleMesh& mesh = tracer.meshes()[m];
-    for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
-      const auto& [a, b, c] = mesh.triangles[t];
-      sum += (mesh.positions[b] - mesh.positions[a])
-                 .cross(mesh.positions[c] - mesh.positions[a])
-                 .length() / 2;
-      cumulative_.push_back(sum);
-      triangle_.emplace_back(m, t);
+SurfacePatches::SurfacePatches(const RayTracer& tracer) : tracer_(tracer) {
+  for (std::uint32_t m = 0; m < tracer.meshes().size(); ++m)
+    for (std::uint32_t t = 0; t < tracer.meshes()[m].triangles.size(); ++t)
+      for (const bool front : {true, false})
+        open_.push_back({m, t, {Vec2d(0.0, 0.0), Vec2d(1.0, 0.0), Vec2d(0.0, 1.0)}, front});
+}
+
+SurfacePoint SurfacePatches::point(const Patch& patch, const Vec2d& at) const {
+  const auto& [a, b, c] = patch.corners;
+  return point_of(tracer_.point_on(patch.mesh, patch.triangle, a + (b - a) * at.x + (c - a) * at.y),
+                  patch.front, 0);
+}
+
+// Of its longest edge, squared.
+double SurfacePatches::size2(const Patch& patch, int* longest) const {
+  const TriangleMesh& mesh = tracer_.meshes()[patch.mesh];
+  const auto& [a, b, c] = mesh.triangles[patch.triangle];
+  const Vec3d e1 = mesh.positions[b] - mesh.positions[a],
+              e2 = mesh.positions[c] - mesh.positions[a];
+  double most = 0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Vec2d d = patch.corners[(i + 1) % 3] - patch.corners[i];
+    const double length2 = (e1 * d.x + e2 * d.y).length2();
+    if (length2 <= most) continue;
+    most = length2;
+    if (longest) *longest = static_cast<int>(i);
+  }
+  return most;
+}
+
+double SurfacePatches::area(const Patch& patch) const {
+  const TriangleMesh& mesh = tracer_.meshes()[patch.mesh];
+  const auto& [a, b, c] = mesh.triangles[patch.triangle];
+  const Vec3d e1 = mesh.positions[b] - mesh.positions[a],
+              e2 = mesh.positions[c] - mesh.positions[a];
+  const Vec2d u = patch.corners[1] - patch.corners[0], v = patch.corners[2] - patch.corners[0];
+  return e1.cross(e2).length() / 2 * std::abs(u.x * v.y - u.y * v.x);
+}
+
+double SurfacePatches::largest() const {
+  double most = 0;
+  for (const Patch& patch : open_) most = std::max(most, size2(patch));
+  return std::sqrt(most);
+}
+
+void SurfacePatches::split(double spacing, int threads,
+                           const std::function<bool(const SurfacePoint&)>& is_covered) {
+  std::vector<Patch> todo = std::move(open_);
+  open_.clear();
+  while (!todo.empty()) {
+    std::vector<std::uint8_t> is_done(todo.size());
+    parallel_for(threads, todo.size(), 64, [&](std::size_t i) {
+      constexpr double kInside = 0.1;  // Off the corners, where other surfaces meet this one.
+      static const Vec2d kTested[] = {{1 / 3.0, 1 / 3.0},
+                                      {kInside / 2, kInside / 2},
+                                      {1 - kInside, kInside / 2},
+                                      {kInside / 2, 1 - kInside}};
+      is_done[i] = std::all_of(std::begin(kTested), std::end(kTested),
+                               [&](const Vec2d& at) { return is_covered(point(todo[i], at)); });
+    });
+    std::vector<Patch> halves;
+    for (std::size_t i = 0; i < todo.size(); ++i) {
+      if (is_done[i]) continue;
+      int edge = 0;
+      if (size2(todo[i], &edge) <= spacing * spacing) {
+        open_.push_back(todo[i]);
+        continue;
+      }
+      const auto first = static_cast<std::size_t>(edge), next = (first + 1) % 3;
+      const Vec2d middle = (todo[i].corners[first] + todo[i].corners[next]) * 0.5;
+      for (const std::size_t moved : {first, next}) {
+        halves.push_back(todo[i]);
+        halves.back().corners[moved] = middle;
+      }
     }
+    todo = std::move(halves);
   }
 }
 
-std::vector<SurfacePoint> SurfacePoints::points(double spacing, std::uint64_t seed) const {
-  constexpr double kMostPoints = 2e7;
+std::vector<SurfacePoint> SurfacePatches::points(double spacing, std::uint64_t seed) const {
   std::vector<SurfacePoint> points;
-  if (!(area() > 0)) return points;
-  const auto n = static_cast<std::size_t>(
-      std::clamp(std::ceil(area() / (spacing * spacing)), 1.0, kMostPoints));
-  points.reserve(2 * n);
-  // Inside a triangle an additive recurrence on the plastic number leaves no holes, as chance would.
-  constexpr double kAlpha1 = 0.7548776662466927, kAlpha2 = 0.5698402909980532;
-  std::size_t last = triangle_.size(), inside = 0;
-  Vec2d start(0.0);
-  for (std::size_t i = 0; i < n; ++i) {
-    RandomStream random(random_key(seed, n, i));
-    const double at = (i + random.uniform()) / n * area();
-    const auto found = std::upper_bound(cumulative_.begin(), cumulative_.end(), at);
-    const std::size_t t = std::min<std::size_t>(found - cumulative_.begin(), cumulative_.size() - 1);
-    if (t != last) {
-      last = t;
-      inside = 0;
-      start = random.uniform2();
-    }
-    const double u = start.x + kAlpha1 * inside, v = start.y + kAlpha2 * inside;
-    ++inside;
-    const Hit hit = tracer_.point_on(triangle_[t].first, triangle_[t].second,
-                                     sample_triangle({u - std::floor(u), v - std::floor(v)}));
-    points.push_back(point_of(hit, true, 0));
-    points.push_back(point_of(hit, false, 0));
+  RandomStream random(seed);
+  double next = random.uniform(), running = 0;
+  for (const Patch& patch : open_) {
+    running += std::min(1.0, area(patch) / (spacing * spacing));
+    if (running <= next) continue;
+    next += 1;
+    points.push_back(point(patch, sample_triangle(random.uniform2())));
   }
   return points;
 }
 
-int placement_waves(double coarsest, double finest) {
-  constexpr int kMostWaves = 128;
-  return std::min(kMostWaves,
-                  static_cast<int>(std::ceil(std::log2(std::max(1.0, coarsest / finest)))) + 2);
+std::vector<SurfacePoint> some_surface_points(const RayTracer& tracer, std::uint64_t seed) {
+  constexpr std::size_t kEach = 1024;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> triangles;
+  std::vector<double> area_up_to;
+  double area = 0;
+  for (std::uint32_t m = 0; m < tracer.meshes().size(); ++m) {
+    const TriangleMesh& mesh = tracer.meshes()[m];
+    for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+      const auto& [a, b, c] = mesh.triangles[t];
+      area += (mesh.positions[b] - mesh.positions[a])
+                  .cross(mesh.positions[c] - mesh.positions[a])
+                  .length() /
+              2;
+      area_up_to.push_back(area);
+      triangles.emplace_back(m, t);
+    }
+  }
+  std::vector<SurfacePoint> points;
+  if (!(area > 0)) return points;
+  RandomStream random(seed);
+  const auto add = [&](std::size_t t) {
+    const auto [mesh, triangle] = triangles[std::min(t, triangles.size() - 1)];
+    const Hit hit = tracer.point_on(mesh, triangle, sample_triangle(random.uniform2()));
+    points.push_back(point_of(hit, true, 0));
+    points.push_back(point_of(hit, false, 0));
+  };
+  for (std::size_t i = 0; i < kEach; ++i) {
+    const double at = (double(i) + random.uniform()) / kEach;
+    const auto found = std::upper_bound(area_up_to.begin(), area_up_to.end(), at * area);
+    add(static_cast<std::size_t>(found - area_up_to.begin()));
+    add(static_cast<std::size_t>(at * double(triangles.size())));
+  }
+  return points;
 }
+
+namespace {
+
+// Points that have been kept, found by cubes whose width is a power of two: each point in one at
+// least as wide as its distance.
+class KeptPoints {
+ public:
+  // Whether none kept before, each at a distance of at least `distance`, is as near as that.
+  bool is_free(const SurfacePoint& p, double distance) const {
+    for (int level = level_of(distance); level <= widest_; ++level) {
+      const auto c = cube_of(p.position, level);
+      for (int i = 0; i < 27; ++i) {
+        const auto found =
+            cubes_.find({level, c[0] + i % 3 - 1, c[1] + i / 3 % 3 - 1, c[2] + i / 9 - 1});
+        if (found == cubes_.end()) continue;
+        for (const SurfacePoint* k : found->second)
+          if ((k->position - p.position).length2() < distance * distance &&
+              k->normal.dot(p.normal) > kMaxNormalCosine)
+            return false;
+      }
+    }
+    return true;
+  }
+  // `p` must outlive this.
+  void add(const SurfacePoint& p, double distance) {
+    const int level = level_of(distance);
+    const auto c = cube_of(p.position, level);
+    cubes_[{level, c[0], c[1], c[2]}].push_back(&p);
+    widest_ = std::max(widest_, level);
+  }
+
+ private:
+  using Cube = std::array<std::int64_t, 4>;
+  struct Hash {
+    std::size_t operator()(const Cube& c) const { return random_key(c[0], c[1], c[2], c[3]); }
+  };
+  static int level_of(double distance) { return static_cast<int>(std::ceil(std::log2(distance))); }
+  static std::array<std::int64_t, 3> cube_of(const Vec3d& p, int level) {
+    std::array<std::int64_t, 3> cube;
+    for (int a = 0; a < 3; ++a)
+      cube[static_cast<std::size_t>(a)] = static_cast<std::int64_t>(
+          std::clamp(std::floor(std::ldexp(p[a], -level)), -0x1p62, 0x1p62));
+    return cube;
+  }
+
+  std::unordered_map<Cube, std::vector<const SurfacePoint*>, Hash> cubes_;
+  int widest_ = -10000;
+};
+
+template <typename DistanceOf>
+std::vector<SurfacePoint> thinned(const std::vector<SurfacePoint>& points,
+                                  const DistanceOf& distance_of) {
+  KeptPoints kept;
+  std::vector<SurfacePoint> result;
+  for (const SurfacePoint& p : points) {
+    const double distance = distance_of(p);
+    if (!kept.is_free(p, distance)) continue;
+    kept.add(p, distance);
+    result.push_back(p);
+  }
+  return result;
+}
+
+}  // namespace
 
 std::vector<SurfacePoint> thin(const std::vector<SurfacePoint>& points, double distance) {
-  std::unordered_map<std::array<std::int64_t, 3>, std::vector<std::size_t>, CellHash> grid;
-  const auto cell_of = [&](const Vec3d& p) {
-    return std::array<std::int64_t, 3>{static_cast<std::int64_t>(std::floor(p.x / distance)),
-                                       static_cast<std::int64_t>(std::floor(p.y / distance)),
-                                       static_cast<std::int64_t>(std::floor(p.z / distance))};
-  };
-  std::vector<SurfacePoint> kept;
-  for (const SurfacePoint& p : points) {
-    const auto c = cell_of(p.position);
-    const auto is_close = [&] {
-      for (int i = 0; i < 27; ++i) {
-        const auto found = grid.find({c[0] + i % 3 - 1, c[1] + i / 3 % 3 - 1, c[2] + i / 9 - 1});
-        if (found == grid.end()) continue;
-        for (const std::size_t k : found->second)
-          if ((kept[k].position - p.position).length2() < distance * distance &&
-              kept[k].normal.dot(p.normal) > kMaxNormalCosine)
-            return true;
-      }
-      return false;
-    };
-    if (is_close()) continue;
-    grid[c].push_back(kept.size());
-    kept.push_back(p);
-  }
-  return kept;
+  return thinned(points, [=](const SurfacePoint&) { return distance; });
 }
 
-std::vector<SurfacePoint> view_points(const World& world, const BakeView& view, const PixelRect& rect,
-                                      int stride, bool skip_coarser) {
+std::vector<SurfacePoint> thin_by_footprint(std::vector<SurfacePoint> points, double part) {
+  std::stable_sort(points.begin(), points.end(), [](const SurfacePoint& a, const SurfacePoint& b) {
+    return a.min_radius > b.min_radius;
+  });
+  return thinned(points, [=](const SurfacePoint& p) { return part * p.min_radius; });
+}
+
+std::vector<SurfacePoint> view_points(const World& world, const BakeView& view,
+                                      const PixelRect& rect, int stride, bool skip_coarser) {
   const CameraRays camera(view.camera, view.width, view.height);
   std::vector<Ray> rays;
   for (int y = rect.y0; y < rect.y1; y += stride)

@@ -14,10 +14,10 @@ Vec3d vector(const float* v) { return {v[0], v[1], v[2]}; }
 }  // namespace
 
 Vec3d bake_origin(const World& world) {
-  Vec3d origin = (world.bounds().min + world.bounds().max) * 0.5;
-  for (int a = 0; a < 3; ++a)
-    if (!std::isfinite(origin[a])) origin[a] = 0;
-  return origin;
+  if (!world.tracer().bounds().isEmpty()) return world.tracer().centre();
+  const Medium& medium = world.medium();
+  if (medium.is_vacuum() || medium.is_unbounded()) return Vec3d(0.0);
+  return (medium.bounds().min + medium.bounds().max) * 0.5;
 }
 
 bool recall(const CacheJournal* journal, SurfaceRecord& record) {
@@ -25,7 +25,7 @@ bool recall(const CacheJournal* journal, SurfaceRecord& record) {
   if (!known) return false;
   const std::uint32_t flags = record.flags;
   record = *known;
-  record.flags = flags;
+  record.flags = flags | (known->flags & kClearFlag);
   return true;
 }
 
@@ -48,7 +48,7 @@ SurfaceRecord RecordMaker::place(const SurfacePoint& point, int layer, int wave)
     r.position[a] = static_cast<float>(local[a]);
     r.normal[a] = static_cast<float>(point.normal[a]);
   }
-  r.key = record_key(r.position, r.normal);
+  r.key = record_key(r.position, r.normal, lighting_.world().unit());
   r.flags = record_flags(layer, wave);
   return r;
 }
@@ -70,9 +70,11 @@ GatherResult RecordMaker::gather(double offset, const HitLight& light, SurfaceRe
   }
   if (settings_.gather.gradient == GradientMode::None)
     std::fill(std::begin(r.rotational), std::end(r.rotational), 0.0f);
-  const double radius =
-      split_sphere_radius(g, normal, settings_, lighting_.world().diagonal());
+  const double clearance =
+      lighting_.world().tracer().clearance(vector(r.position) + origin_, normal);
+  const double radius = record_radius(g, normal, clearance, settings_, lighting_.world().unit());
   r.radius[0] = r.radius[1] = static_cast<float>(radius);
+  if (radius < clearance) r.flags |= kClearFlag;
   r.error = static_cast<float>(g.error);
   const double all = luminance(g.irradiance);
   r.media_share = all > 0 ? static_cast<float>(luminance(g.irradiance_media) / all) : 0;

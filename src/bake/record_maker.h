@@ -12,8 +12,8 @@ namespace brume {
 // What records' positions are relative to, where no cache says otherwise.
 Vec3d bake_origin(const World& world);
 
-// What an earlier run's gather found at `record`, which is placed, if a journal holds it; false where it
-// must be gathered.
+// What an earlier run's gather found at `record`, which is placed, if a journal holds it; false
+// where it must be gathered.
 bool recall(const CacheJournal* journal, SurfaceRecord& record);
 
 class RecordMaker {

@@ -28,9 +28,11 @@ std::uint64_t cell_of(const float* position, double resolution) {
 
 }  // namespace
 
-std::uint64_t record_key(const float* position, const float* normal) {
+std::uint64_t record_key(const float* position, const float* normal, double unit) {
   std::uint32_t bits[6];
-  std::memcpy(bits, position, 3 * sizeof(float));
+  float metres[3];
+  for (int a = 0; a < 3; ++a) metres[a] = static_cast<float>(position[a] * unit);
+  std::memcpy(bits, metres, sizeof metres);
   std::memcpy(bits + 3, normal, 3 * sizeof(float));
   return random_key(bits[0], bits[1], bits[2], bits[3], bits[4], bits[5]);
 }
@@ -47,7 +49,9 @@ void WorkUnits::add(std::uint32_t batch, const SurfacePoint& point, double resol
     c.position[a] = static_cast<float>(local[a]);
     c.normal[a] = static_cast<float>(point.normal[a]);
   }
-  c.cell = cell_of(c.position, resolution);
+  float metres[3];  // So that cells do not depend on the unit.
+  for (int a = 0; a < 3; ++a) metres[a] = static_cast<float>(c.position[a] * unit_);
+  c.cell = cell_of(metres, resolution * unit_);
   c.offset = point.offset;
   c.min_radius = static_cast<float>(point.min_radius);
   c.batch = batch;
@@ -59,7 +63,7 @@ std::vector<WorkUnit> WorkUnits::units() {
   // the one that asks for more is kept: no two units ever make the same record.
   std::vector<std::tuple<std::uint64_t, float, std::uint32_t>> order(candidates_.size());
   for (std::uint32_t i = 0; i < candidates_.size(); ++i)
-    order[i] = {record_key(candidates_[i].position, candidates_[i].normal),
+    order[i] = {record_key(candidates_[i].position, candidates_[i].normal, unit_),
                 candidates_[i].min_radius, i};
   std::sort(order.begin(), order.end());
   std::vector<std::uint8_t> is_kept(candidates_.size(), 1);

@@ -35,8 +35,8 @@ using WorkUnit = std::span<const Candidate>;
 
 class WorkUnits {
  public:
-  // `origin`: what positions of records are relative to.
-  explicit WorkUnits(const Vec3d& origin) : origin_(origin) {}
+  // `origin`: what positions of records are relative to. `unit`: metres of a world unit.
+  WorkUnits(const Vec3d& origin, double unit) : origin_(origin), unit_(unit) {}
 
   std::uint32_t add_batch(const CandidateBatch& batch);
   // `resolution`: how far apart records may be needed at `point`. Cells are about as many of them
@@ -49,12 +49,14 @@ class WorkUnits {
 
  private:
   Vec3d origin_;
+  double unit_;
   std::vector<CandidateBatch> batches_;
   std::vector<Candidate> candidates_;
 };
 
-// The key of a record at that place: of position and normal alone, so that layers that choose the
-// same point share its random numbers, and what changes from one to the next is light, not noise.
-std::uint64_t record_key(const float* position, const float* normal);
+// The key of a record at that place: of position, in metres by `unit`, and normal alone, so that
+// layers that choose the same point share its random numbers, and what changes from one to the next
+// is light, not noise.
+std::uint64_t record_key(const float* position, const float* normal, double unit);
 
 }  // namespace brume

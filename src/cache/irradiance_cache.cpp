@@ -12,14 +12,32 @@ struct LocalQuery {
   Vec3d position;  // Relative to the cache's origin; subtracted in double.
   Vec3d normal;
   double min_radius;
+  const RayTracer* surfaces;
+  Vec3d origin;
+  int stretches;
+  bool only_if_open;
 };
 
 LocalQuery localise(const IrradianceQuery& query, const Vec3d& origin) {
-  return {query.position - origin, query.normal, query.min_radius > 0 ? query.min_radius : 0.0};
+  return {query.position - origin, query.normal, query.min_radius > 0 ? query.min_radius : 0.0,
+          query.surfaces,          origin,       query.stretches,
+          query.only_if_open};
 }
 
-// The error of IrradianceCache::irradiance(); 1 for who does not answer. Comparisons are written so that
-// NaN does not answer.
+// Whether a surface lies between a record and the query.
+bool is_hidden(const SurfaceRecord& record, const LocalQuery& query) {
+  if (!query.surfaces) return false;
+  constexpr double kOnPlane = 1e-5;  // In radii: below it by rounding.
+  const Vec3d p = vector(record.position), n = vector(record.normal), d = query.position - p;
+  const double radius = std::min(record.radius[0], record.radius[1]);
+  if ((record.flags & kClearFlag) && d.length2() <= radius * radius &&
+      d.dot(n) >= -kOnPlane * radius)
+    return false;
+  return !query.surfaces->sees(query.position + query.origin, query.normal, p + query.origin, n);
+}
+
+// The error of IrradianceCache::irradiance(); 1 for who does not answer. Comparisons are written so
+// that NaN does not answer.
 double error_at(const RecordSite& site, const LocalQuery& query) {
   const Vec3d n = vector(site.normal), d = query.position - vector(site.position);
   const double cosine = n.dot(query.normal);
@@ -38,9 +56,14 @@ double error_at(const RecordSite& site, const LocalQuery& query) {
   return std::sqrt(std::max(distance2, turn2));
 }
 
-// E(x', n') ~ E + grad E . (x' - x) + grad_r E . (n x n')  [WH92].
+// E(x', n') ~ E + grad E . (x' - x) + grad_r E . (n x n')  [WH92]. Light is taken to change no
+// farther than the record reaches by itself, which its gather vouches for: where only a footprint
+// makes it answer, something lies in between or the gradient is steep.
 RgbD extrapolate(const SurfaceRecord& record, const LocalQuery& query) {
-  const Vec3d n = vector(record.normal), d = query.position - vector(record.position);
+  const Vec3d n = vector(record.normal);
+  Vec3d d = query.position - vector(record.position);
+  const double reach = 2 * std::min(record.radius[0], record.radius[1]), distance = d.length();
+  if (distance > reach) d *= reach / distance;
   const Vec3d turn = n.cross(query.normal);
   const Frame frame(n);
   const double turn_u = turn.dot(frame.u), turn_v = turn.dot(frame.v);
@@ -51,8 +74,8 @@ RgbD extrapolate(const SurfaceRecord& record, const LocalQuery& query) {
   return e;
 }
 
-// The one place where a value is kept in its range. `limit` is relative to the record, so that scaling
-// all light by a power of two scales every answer exactly. False comparisons send NaN to 0.
+// The one place where a value is kept in its range. `limit` is relative to the record, so that
+// scaling all light by a power of two scales every answer exactly. False comparisons send NaN to 0.
 double sanitise(double value, double limit) {
   if (!(value >= 0)) return 0;
   return value <= limit ? value : limit;
@@ -73,23 +96,48 @@ class Answers {
     }
     if (many_.empty()) many_.assign(few_.begin(), few_.end());
     many_.push_back(answer);
+    ++size_;
+  }
+  bool empty() const { return size_ == 0; }
+  std::size_t size() const { return size_; }
+  void keep_heaviest(std::size_t most) {
+    if (size_ <= most) return;
+    const auto all = span();
+    std::nth_element(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(most), all.end(),
+                     [](const Answer& a, const Answer& b) {
+                       return a.weight != b.weight ? a.weight > b.weight : a.record < b.record;
+                     });
+    size_ = most;
+  }
+  template <typename Is>
+  void remove(const Is& is) {
+    const auto all = span();
+    const auto end = std::remove_if(all.begin(), all.end(), is);
+    size_ = static_cast<std::size_t>(end - all.begin());
   }
   // Record indices are distinct: one order, however the tree was walked.
   std::span<const Answer> in_order() {
-    const std::span<Answer> all = many_.empty() ? std::span(few_.data(), size_) : std::span(many_);
+    const std::span<Answer> all = span();
     std::sort(all.begin(), all.end(),
               [](const Answer& a, const Answer& b) { return a.record < b.record; });
     return all;
   }
 
  private:
+  std::span<Answer> span() {
+    return many_.empty() ? std::span(few_.data(), size_) : std::span(many_.data(), size_);
+  }
+
   std::array<Answer, 48> few_;
   std::size_t size_ = 0;
   std::vector<Answer> many_;
 };
 
-void collect(const RecordIndex& index, std::span<const SurfaceRecord> records, const LocalQuery& query,
-             Answers& answers) {
+// Returns how many there would be if nothing hid any. At most `most` are asked whether they see the
+// query, those that weigh most.
+std::size_t collect(const RecordIndex& index, std::span<const SurfaceRecord> records,
+                    const LocalQuery& query, Answers& answers,
+                    std::size_t most = std::numeric_limits<std::size_t>::max()) {
   index.visit(query.position, query.min_radius, [&](const RecordSite& site) {
     const double error = error_at(site, query);
     if (error < 1) {
@@ -101,6 +149,29 @@ void collect(const RecordIndex& index, std::span<const SurfaceRecord> records, c
     }
     return true;
   });
+  const std::size_t count = answers.size();
+  answers.keep_heaviest(most);
+  answers.remove([&](const Answer& a) { return is_hidden(records[a.record], query); });
+  return count;
+}
+
+// The same with the query's footprint doubled until somebody answers. Returns how often.
+int collect_stretched(const RecordIndex& index, std::span<const SurfaceRecord> records,
+                      LocalQuery query, Answers& answers) {
+  if (query.only_if_open && query.min_radius > 0) {
+    LocalQuery own = query;
+    own.min_radius = 0;
+    collect(index, records, own, answers);
+    if (!answers.empty()) return 0;
+  }
+  // Who is surrounded by so many that surfaces hide is in another room than all of them.
+  constexpr std::size_t kAsked = 16, kSurrounded = 64;
+  const std::size_t most = query.only_if_open ? kAsked : std::numeric_limits<std::size_t>::max();
+  for (int doublings = 0;; ++doublings, query.min_radius *= 2) {
+    const std::size_t count =
+        collect(index, records, query, answers, doublings > 0 ? kAsked : most);
+    if (!answers.empty() || doublings == query.stretches || count >= kSurrounded) return doublings;
+  }
 }
 
 }  // namespace
@@ -119,9 +190,9 @@ IrradianceCache::IrradianceCache(std::vector<SurfaceRecord> records, const Vec3d
   if (!records_.empty()) layers_.resize(static_cast<std::size_t>(records_.back().layer()) + 1);
   for (std::size_t begin = 0; begin < records_.size();) {
     const int layer = records_[begin].layer();
-    const auto end = std::partition_point(
-        records_.begin() + static_cast<std::ptrdiff_t>(begin), records_.end(),
-        [&](const SurfaceRecord& record) { return record.layer() <= layer; });
+    const auto end =
+        std::partition_point(records_.begin() + static_cast<std::ptrdiff_t>(begin), records_.end(),
+                             [&](const SurfaceRecord& record) { return record.layer() <= layer; });
     const auto stop = static_cast<std::size_t>(end - records_.begin());
     layers_[static_cast<std::size_t>(layer)] =
         curve_order.empty() ? RecordIndex(records_, begin, stop)
@@ -146,7 +217,7 @@ InterpolatedIrradiance IrradianceCache::irradiance(const IrradianceQuery& query)
   if (!index) return result;
   const LocalQuery local = localise(query, origin_);
   Answers answers;
-  collect(*index, records_, local, answers);
+  result.stretches = collect_stretched(*index, records_, local, answers);
 
   // Mean = E0 + sum w (E - E0) / sum w: equal values come back as they are, bit for bit.
   RgbD first, sum;
@@ -168,7 +239,8 @@ InterpolatedIrradiance IrradianceCache::irradiance(const IrradianceQuery& query)
   }
   if (result.records == 0) return result;
   for (int c = 0; c < 3; ++c)
-    result.irradiance[c] = sanitise(first[c] + sum[c] / weights, std::numeric_limits<double>::max());
+    result.irradiance[c] =
+        sanitise(first[c] + sum[c] / weights, std::numeric_limits<double>::max());
   result.media_share = light > 0 ? sanitise(media / light, 1) : 0;
   return result;
 }
@@ -180,7 +252,7 @@ bool IrradianceCache::covers(const IrradianceQuery& query, double max_error) con
   const double limit = std::min(max_error, 1.0);
   bool covered = false;
   index->visit(local.position, local.min_radius, [&](const RecordSite& site) {
-    covered = error_at(site, local) < limit;
+    covered = error_at(site, local) < limit && !is_hidden(records_[site.record], local);
     return !covered;
   });
   return covered;
@@ -192,7 +264,7 @@ std::vector<RecordWeight> IrradianceCache::explain(const IrradianceQuery& query)
   if (!index) return result;
   const LocalQuery local = localise(query, origin_);
   Answers answers;
-  collect(*index, records_, local, answers);
+  collect_stretched(*index, records_, local, answers);
   for (const Answer& answer : answers.in_order()) {
     const SurfaceRecord& record = records_[answer.record];
     result.push_back({&record, answer.weight, extrapolate(record, local)});

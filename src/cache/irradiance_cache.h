@@ -1,8 +1,8 @@
-// Irradiance between records: weights, extrapolation with both gradients, and the index that finds who
-// answers [WRC88, WH92].
+// Irradiance between records: weights, extrapolation with both gradients, and the index that finds
+// who answers [WRC88, WH92].
 //
-// Layers are separate: layer B answers eye rays, layer l < B answers the hits of gathers for layer l + 1
-// (SPEC, bounces). A query names its layer.
+// Layers are separate: layer B answers eye rays, layer l < B answers the hits of gathers for layer
+// l + 1 (SPEC, bounces). A query names its layer.
 #pragma once
 
 #include <cstdint>
@@ -15,12 +15,14 @@
 #include "cache/record_index.h"
 #include "cache/volume_cache.h"
 #include "core/math.h"
+#include "geom/ray_tracer.h"
 
 namespace brume {
 
 // The largest angle between normals that a record bridges (cosine).
 inline constexpr double kMaxNormalCosine = 0.8;
-// How far behind a record's surface, in parts of its smaller radius, a query may lie (rounding, bumps).
+// How far behind a record's surface, in parts of its smaller radius, a query may lie (rounding,
+// bumps).
 inline constexpr double kBehindTolerance = 0.05;
 
 // One record's part in an answer.
@@ -31,10 +33,12 @@ struct RecordWeight {
 };
 
 struct InterpolatedIrradiance {
-  RgbD irradiance;       // Never negative, never non-finite; 0 when nobody answers.
-  int records = 0;       // How many answered; 0: the point is not covered.
-  bool clamped = false;  // An extrapolation had to be kept at or above 0 or below twice its record's value.
+  RgbD irradiance;  // Never negative, never non-finite; 0 when nobody answers.
+  int records = 0;  // How many answered; 0: the point is not covered.
+  bool clamped =
+      false;  // An extrapolation had to be kept at or above 0 or below twice its record's value.
   double media_share = 0;
+  int stretches = 0;  // Doublings that it took.
 };
 
 struct IrradianceQuery {
@@ -42,10 +46,19 @@ struct IrradianceQuery {
   Vec3d position{0.0};
   Vec3d normal{0.0};      // Unit, on the side that receives.
   double min_radius = 0;  // Records act as if their radii were at least this (a pixel's footprint).
+  // What hides records from the query: they never answer through a surface. Costs a ray for each
+  // record that does not know by itself that its surroundings are clear (kClearFlag). Null:
+  // nothing.
+  const RayTracer* surfaces = nullptr;
+  // Where nobody answers, min_radius is doubled up to so many times. Not by covers().
+  int stretches = 0;
+  // Whoever reaches the query by itself answers alone; min_radius counts where nobody does. Not for
+  // covers(). Cheaper, and not smooth where coverage ends.
+  bool only_if_open = false;
 };
 
-// Frozen: built once from records in RecordOrder (others are sorted first), then queried from any thread.
-// Records with a record_fault() are kept and never answer.
+// Frozen: built once from records in RecordOrder (others are sorted first), then queried from any
+// thread. Records with a record_fault() are kept and never answer.
 class IrradianceCache {
  public:
   IrradianceCache() : IrradianceCache({}, Vec3d(0.0)) {}
@@ -67,7 +80,8 @@ class IrradianceCache {
 
   // Weighted mean over records whose error at the query is below 1:
   //   e = max(sqrt((d.e1/R1)^2 + (d.e2/R2)^2 + (d.n/Rmin)^2), sqrt((1 - n.n') / (1 - cos_max))),
-  // weight 1 - e, skipping records that look at the query from behind. Sums run in record order.
+  // weight 1 - e, skipping records that look at the query from behind or that a surface hides from
+  // it. Sums run in record order.
   InterpolatedIrradiance irradiance(const IrradianceQuery& query) const;
   // Whether some record answers with error below `max_error` (at most 1); stops at the first.
   bool covers(const IrradianceQuery& query, double max_error = 1) const;

@@ -19,7 +19,7 @@ struct SurfaceRecord {
   float radius[2];      // Along the axis and across it; world units.
   float error;          // Estimated standard error of the irradiance's luminance [W/m^2].
   float media_share;    // Part of the luminance that came from the medium, in [0,1].
-  std::uint32_t flags;  // Bits 0-7: layer, 8-15: wave, 16: radius clamped by a neighbour, 17: below.
+  std::uint32_t flags;  // Bits 0-7: layer, 8-15: wave, 16: radius clamped by a neighbour, 17 and 18: below.
   std::uint64_t key;    // What the record is a pure function of, with the fingerprint.
 
   int layer() const { return static_cast<int>(flags & 0xff); }
@@ -34,6 +34,9 @@ inline constexpr std::uint32_t kRadiusClampedFlag = 1u << 16;
 // From a view that was stopped before its last tile: answers like any other, but a bake that resumes
 // decides again whether it is needed, as if it had not been stopped.
 inline constexpr std::uint32_t kUnfinishedViewFlag = 1u << 17;
+// Nothing rises above the record's plane within its radius: whoever lies there on the same side is
+// seen by it, without a ray.
+inline constexpr std::uint32_t kClearFlag = 1u << 18;
 inline std::uint32_t record_flags(int layer, int wave) {
   return static_cast<std::uint32_t>(layer & 0xff) | static_cast<std::uint32_t>(wave & 0xff) << 8;
 }

@@ -113,8 +113,8 @@ BakeSettings read_bake_settings(const std::string& json, const fs::path& file) {
       number("volume_bounces", s.volume_bounces);
     number("seed", s.seed);
     number("error", s.error);
-    number("min_radius", s.min_radius);
-    number("max_radius", s.max_radius);
+    number("min_radius_m", s.min_radius);
+    number("max_radius_m", s.max_radius);
     if (all.contains("light_depth"))
       s.light_depth = all["light_depth"] == "exact" ? LightDepth::Exact : LightDepth::Volumes;
   }

@@ -14,7 +14,7 @@ constexpr std::size_t kSurfacePoints = 1 << 16;
 bool is_covered(const World& world, const IrradianceCache& cache, const Hit& hit,
                 const Vec3d& normal, double min_radius) {
   if (!world.material(hit).reflects()) return true;
-  return cache.covers({kTopLayer, hit.position, normal, min_radius});
+  return cache.covers(pixel_query(world, hit.position, normal, min_radius));
 }
 
 Coverage of_view(const World& world, const IrradianceCache& cache, const BakeView& view,

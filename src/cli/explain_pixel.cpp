@@ -17,8 +17,9 @@ Answer ask(const PixelStory& story, const Hit& hit, const Ray& ray) {
   Answer answer;
   if (!story.cache || !hit.is_hit()) return answer;
   const double side = hit.normal.dot(ray.direction) < 0 ? 1 : -1;
-  const IrradianceQuery query{kTopLayer, hit.position, hit.shading_normal * side,
-                              kFootprintPixels * story.rays.pixel_angle() * hit.t};
+  const IrradianceQuery query =
+      pixel_query(story.world, hit.position, hit.shading_normal * side,
+                  kFootprintPixels * story.rays.pixel_angle() * hit.t);
   answer.records = story.cache->explain(query);
   for (const RecordWeight& r : answer.records) answer.weight_sum += r.weight;
   answer.irradiance = story.cache->irradiance(query).irradiance;

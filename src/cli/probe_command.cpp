@@ -88,7 +88,10 @@ Answers gather_answers(const ProbeOptions& options, const Lighting& lighting,
   a.direct = direct_irradiance(lighting, a.point.position + a.point.normal * a.point.offset,
                                a.point.normal, kDirectSamples, random_key(a.point.key, 1),
                                statistics.counters);
-  a.radius = split_sphere_radius(a.gather, a.point.normal, settings, lighting.world().diagonal());
+  a.radius = record_radius(
+      a.gather, a.point.normal,
+      lighting.world().tracer().clearance(a.point.position, a.point.normal), settings,
+      lighting.world().unit());
   if (options.finite_difference) {
     GatherOptions values_alone = point_options;
     values_alone.gradient = GradientMode::None;

@@ -125,15 +125,15 @@ Scene load_scene_verbosely(const SceneOptions& options, const CommandContext& co
 PresetValues preset_values(Preset preset) {
   switch (preset) {
     case Preset::Draft:
-      return {8, 25, 0.4, 0.005, 0.15, LightDepth::Volumes, 4, 12};
+      return {8, 25, 0.4, LightDepth::Volumes, 4, 12};
     case Preset::Normal:
       break;
     case Preset::High:
-      return {24, 75, 0.1, 0.001, 0.05, LightDepth::Volumes, 64, 24};
+      return {24, 75, 0.1, LightDepth::Volumes, 64, 24};
     case Preset::Reference:
-      return {48, 151, 0.06, 0.0005, 0.03, LightDepth::Exact, 256, 32};
+      return {48, 151, 0.06, LightDepth::Exact, 256, 32};
   }
-  return {16, 50, 0.15, 0.002, 0.08, LightDepth::Volumes, 16, 16};
+  return {16, 50, 0.15, LightDepth::Volumes, 16, 16};
 }
 
 BakeSettings AccuracyOptions::bake_settings(const RenderSettings& scene) const {
@@ -147,8 +147,6 @@ BakeSettings AccuracyOptions::bake_settings(const BakeSettings& base) const {
     s.gather.cells_theta = values.cells_theta;
     s.gather.cells_phi = values.cells_phi;
     s.error = values.error;
-    s.min_radius = values.min_radius;
-    s.max_radius = values.max_radius;
     s.light_depth = values.light_depth;
   }
   if (cells) std::tie(s.gather.cells_theta, s.gather.cells_phi) = *cells;
@@ -173,15 +171,14 @@ void add_accuracy_options(CLI::App& app, CommandContext& context, AccuracyOption
   const auto setting = [&](CLI::Option* option) {
     with_environment(context, app, option)->group(kAccuracy);
   };
-  setting(
-      add_choice<Preset>(app, "--preset",
-                         {{"draft", Preset::Draft},
-                          {"normal", Preset::Normal},
-                          {"high", Preset::High},
-                          {"reference", Preset::Reference}},
-                         options.preset,
-                         "Sets cells, error, radii, light depth, samples and eye shells together; "
-                         "options given by themselves win"));
+  setting(add_choice<Preset>(app, "--preset",
+                             {{"draft", Preset::Draft},
+                              {"normal", Preset::Normal},
+                              {"high", Preset::High},
+                              {"reference", Preset::Reference}},
+                             options.preset,
+                             "Sets cells, error, light depth, samples and eye shells together; "
+                             "options given by themselves win"));
   setting(add_parsed(
       app, "--cells", "MxN", options.cells,
       [](const std::string& option, const std::string& text) {
@@ -222,12 +219,15 @@ void add_accuracy_options(CLI::App& app, CommandContext& context, AccuracyOption
   setting(add_number(app, "--error", options.error, 0.001, 10,
                      "Split-sphere accuracy: a record's radius over the mean distance of what it "
                      "sees (default 0.15)"));
-  setting(
-      add_number(app, "--min-radius", options.min_radius, 0, 1,
-                 "Smallest radius of a record, as a part of the scene's diagonal (default 0.002)"));
-  setting(
-      add_number(app, "--max-radius", options.max_radius, 1e-9, 10,
-                 "Largest radius of a record, as a part of the scene's diagonal (default 0.08)"));
+  const auto length = [](const std::string& option, const std::string& text) {
+    return std::optional<double>(parse_length(option, text));
+  };
+  setting(add_parsed(app, "--min-radius", "LENGTH", options.min_radius, length,
+                     "With --everywhere: records are placed no closer together, like 5mm (default "
+                     "1cm)"));
+  setting(add_parsed(app, "--max-radius", "LENGTH", options.max_radius, length,
+                     "No record reaches farther, like 2m (default: as far as what it sees lets "
+                     "it)"));
   setting(add_choice<LightDepth>(app, "--light-depth",
                                  {{"volumes", LightDepth::Volumes}, {"exact", LightDepth::Exact}},
                                  options.light_depth,

@@ -40,7 +40,7 @@ enum class Preset { Draft, Normal, High, Reference };
 // What a preset sets. Normal is every option's default.
 struct PresetValues {
   int cells_theta, cells_phi;
-  double error, min_radius, max_radius;
+  double error;
   LightDepth light_depth;
   int samples, eye_shells;
 };

@@ -132,6 +132,17 @@ std::uint64_t parse_bytes(const std::string& option, const std::string& text) {
   return static_cast<std::uint64_t>(bytes);
 }
 
+double parse_length(const std::string& option, const std::string& text) {
+  static const std::pair<const char*, double> kUnits[] = {
+      {"mm", 1e-3}, {"cm", 1e-2}, {"m", 1.0}, {"km", 1e3}};
+  const std::size_t letters = text.find_first_not_of("0123456789.eE+-");
+  const auto number = whole_number<double>(text.substr(0, letters));
+  const std::string unit = letters == std::string::npos ? "" : text.substr(letters);
+  for (const auto& [name, metres] : kUnits)
+    if (number && unit == name && *number > 0 && std::isfinite(*number)) return *number * metres;
+  refuse_value(option, text, "a length with its unit, like 5mm, 2.5cm, 1m or 3km");
+}
+
 std::vector<std::string> parse_list(const std::string& text) {
   std::vector<std::string> names;
   for (const std::string& part : split(text, ','))

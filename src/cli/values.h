@@ -42,6 +42,8 @@ Size2 parse_pixel(const std::string& option, const std::string& text);
 CropRegion parse_crop(const std::string& option, const std::string& text);
 // "512M", "4G", "1.5GiB", "1000000": K, M, G, T are powers of 1024.
 std::uint64_t parse_bytes(const std::string& option, const std::string& text);
+// "5mm", "2.5cm", "1m", "3km", above 0: metres.
+double parse_length(const std::string& option, const std::string& text);
 std::vector<std::string> parse_list(const std::string& text);
 
 template <typename T>

@@ -51,6 +51,7 @@ void CellGather::gather(const Vec3d& origin, const Frame& base, std::uint64_t ke
   light_.assign(n, CellLight());
   strata_.strata.clear();
   strata_.points.clear();
+  strata_.spread = cells_.spread();
   for (int c = 0; c < n; ++c)
     cell_[c].w = frame_.to_world(cells_.direction(c, shift)).normalized();
   trace(light, counters);
@@ -83,7 +84,7 @@ void CellGather::trace(const HitLight& light, Counters& counters) {
     const double height = hit.normal.dot(cell_[c].w) * hit.t;
     if (height != 0) cell_[c].q = hit.normal / height;
     RandomStream random = stream(c, 1);
-    surfaces_.add(c, hit, cell_[c].w, light, random, counters);
+    surfaces_.add(c, hit, cell_[c].w, cells_.spread() * hit.t, light, random, counters);
   }
   surfaces_.finish(counters);
 }

@@ -43,6 +43,8 @@ class DirectionCells {
   // pi or 4 pi.
   double measure() const { return domain_ == DirectionDomain::Sphere ? 4 * kPi : kPi; }
   int count() const { return static_cast<int>(cells_.size()); }
+  // Half the width of a cell [rad]: what a ray stands for, at each unit of its length.
+  double spread() const { return 0.5 * std::sqrt(measure() / count()); }
   int side_count() const { return static_cast<int>(2 * walls_.size()); }
   const DirectionCell& cell(int c) const { return cells_[c]; }
   std::span<const CellWall> walls() const { return walls_; }

@@ -26,10 +26,15 @@ GradientMode parse_gradient_mode(const std::string& name) {
                                     "' is not a mode: use none, ward-heckbert, media or full");
 }
 
+IrradianceQuery hit_query(const World& world, int layer, const Vec3d& position, const Vec3d& normal,
+                          double footprint) {
+  constexpr int kMostStretches = 16;
+  return {layer, position, normal, footprint, &world.tracer(), kMostStretches, true};
+}
+
 struct Gatherer::Impl {
   Impl(const Lighting& lighting, const Effects& effects, const GatherOptions& options)
-      : mode(options.gradient),
-        around(lighting, effects, options, DirectionDomain::Hemisphere) {}
+      : mode(options.gradient), around(lighting, effects, options, DirectionDomain::Hemisphere) {}
 
   GatherResult gather(const GatherPoint& point, const HitLight& light, Counters& counters);
   GradientTerms full_terms(Counters& counters);
@@ -66,8 +71,8 @@ double Gatherer::Impl::error_estimate() const {
 GatherResult Gatherer::Impl::gather(const GatherPoint& point, const HitLight& light,
                                     Counters& counters) {
   ++counters.gathers;
-  around.gather(point.position + point.normal * point.offset, Frame(point.normal), point.key,
-                light, counters);
+  around.gather(point.position + point.normal * point.offset, Frame(point.normal), point.key, light,
+                counters);
   const DirectionCells& cells = around.cells();
   GatherResult result;
   result.shells = around.shell_count();

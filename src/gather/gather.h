@@ -1,7 +1,7 @@
 // Irradiance at a point and its gradients, from one stratified gather over the hemisphere.
 //
-// The gradient is form F of gradients.md 3: world-fixed shells, walls that move with 1/min(t, r), exact
-// cell moments, the cosine at the wall. [JZJ08] is the talk; in vacuum it is [WH92].
+// The gradient is form F of gradients.md 3: world-fixed shells, walls that move with 1/min(t, r),
+// exact cell moments, the cosine at the wall. [JZJ08] is the talk; in vacuum it is [WH92].
 #pragma once
 
 #include <array>
@@ -33,8 +33,8 @@ struct GatherOptions {
   int shells = 0;          // 0: as many as the medium needs, at most kMaxAutomaticShells.
   double step_voxels = 0;  // 0: exact.
   GradientMode gradient = GradientMode::Full;
-  // Below 0: no strata are kept. Else strata() holds them, each with at most so many points of a medium
-  // that scatters more than once.
+  // Below 0: no strata are kept. Else strata() holds them, each with at most so many points of a
+  // medium that scatters more than once.
   int medium_points = -1;
   static constexpr int kMaxAutomaticShells = 48;
   int cell_count() const { return cells_theta * cells_phi; }
@@ -42,18 +42,23 @@ struct GatherOptions {
 
 class IncidentField;
 
-// What gather rays see that is known before the gather: where they hit a surface, and in the medium.
+// What gather rays see that is known before the gather: where they hit a surface, and in the
+// medium.
 struct HitLight {
   // false: surfaces reflect nothing; only "direct": false emitters and the medium send light.
   bool reflect = true;
   // Irradiance of the next deeper layer; null: hits reflect direct light only.
   const IrradianceCache* cache = nullptr;
   int layer = 0;
-  double min_radius = 0;  // Records act as if at least this wide.
   // What has scattered already and scatters again; null: the medium scatters only light straight
   // from lights.
   std::shared_ptr<const IncidentField> scattered{};
 };
+
+// What a gather asks of `layer` about what it sees: `footprint` is how far around the hit its ray
+// stands for. Stretched where nobody answers, but never through a surface.
+IrradianceQuery hit_query(const World& world, int layer, const Vec3d& position, const Vec3d& normal,
+                          double footprint);
 
 // Where and how to gather. `offset` clears the surface that the point lies on.
 struct GatherPoint {
@@ -70,13 +75,14 @@ struct GradientTerms {
 // Gradients are per world unit.
 struct GatherResult {
   RgbD irradiance, irradiance_surface, irradiance_media;
-  RgbD irradiance_emitted;     // Part of irradiance_surface: emitters that only gathers see.
-  GradientTerms terms;         // All zero in mode None; Ward-Heckbert has walls only.
-  RgbGradient rotational;      // E(n') = E + (n x n') . rotational.
-  double error = 0;            // Estimated standard error of the irradiance's luminance.
-  double mean_distance = kInfinity;  // Harmonic mean distance of what is seen, split-sphere [WRC88].
-  double light_distance = kInfinity; // Same, weighted by the light that arrives.
-  double nearest = kInfinity;        // Of the surfaces seen.
+  RgbD irradiance_emitted;  // Part of irradiance_surface: emitters that only gathers see.
+  GradientTerms terms;      // All zero in mode None; Ward-Heckbert has walls only.
+  RgbGradient rotational;   // E(n') = E + (n x n') . rotational.
+  double error = 0;         // Estimated standard error of the irradiance's luminance.
+  double mean_distance =
+      kInfinity;  // Harmonic mean distance of what is seen, split-sphere [WRC88].
+  double light_distance = kInfinity;  // Same, weighted by the light that arrives.
+  double nearest = kInfinity;         // Of the surfaces seen.
   int shells = 0;
 };
 

@@ -31,6 +31,7 @@ struct Stratum {
 struct Strata {
   std::vector<Stratum> strata;
   std::vector<MediumPoint> points;
+  double spread = 0;  // Half the width of a stratum [rad].
 };
 
 }  // namespace brume

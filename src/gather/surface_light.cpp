@@ -3,8 +3,8 @@
 namespace brume {
 namespace {
 
-// d/dw of the glossy lobe for wo = -w, by central differences: the lobe is smooth on this scale down to
-// the roughness that records take.
+// d/dw of the glossy lobe for wo = -w, by central differences: the lobe is smooth on this scale
+// down to the roughness that records take.
 RgbGradient lobe_derivative(const Material& material, const Vec3d& n, const Vec3d& wi,
                             const Vec3d& w) {
   constexpr double kStep = 1e-4;
@@ -28,8 +28,8 @@ void SurfaceLight::begin(std::size_t cells) {
   has_derivatives_ = false;
 }
 
-void SurfaceLight::add(std::size_t cell, const Hit& hit, const Vec3d& w, const HitLight& light,
-                       RandomStream& random, Counters& counters) {
+void SurfaceLight::add(std::size_t cell, const Hit& hit, const Vec3d& w, double footprint,
+                       const HitLight& light, RandomStream& random, Counters& counters) {
   const World& world = lighting_.world();
   const Material& material = world.material(hit);
   if (!material.direct) {
@@ -50,8 +50,8 @@ void SurfaceLight::add(std::size_t cell, const Hit& hit, const Vec3d& w, const H
     const double cosine = n.dot(s.direction);
     if (is_black(s.weight) || cosine <= 0 || ng.dot(s.direction) <= 0) continue;
     const RgbD incident = s.weight * cosine;
-    Pending pending{cell, static_cast<int>(l), s, p,
-                    eval_brdf(material, n, s.direction, -w) * incident, {}};
+    Pending pending{
+        cell, static_cast<int>(l), s, p, eval_brdf(material, n, s.direction, -w) * incident, {}};
     if (want_derivatives_ && material.is_glossy()) {
       const RgbGradient d = lobe_derivative(material, n, s.direction, w);
       for (int c = 0; c < 3; ++c) pending.derivative[c] = d[c] * incident[c];
@@ -60,15 +60,11 @@ void SurfaceLight::add(std::size_t cell, const Hit& hit, const Vec3d& w, const H
     pending_.push_back(pending);
   }
   if (light.cache == nullptr) return;
-  IrradianceQuery query{light.layer, hit.position, n, light.min_radius};
-  InterpolatedIrradiance e = light.cache->irradiance(query);
+  const InterpolatedIrradiance e =
+      light.cache->irradiance(hit_query(world, light.layer, hit.position, n, footprint));
   ++counters.cache_queries;
   counters.cache_clamps += e.clamped;
-  for (int widen = 0; e.records == 0 && widen < 4; ++widen) {
-    query.min_radius = 3 * std::max(query.min_radius, 1e-3 * world.diagonal());
-    e = light.cache->irradiance(query);
-    if (widen == 0) ++counters.cache_misses;
-  }
+  counters.cache_misses += e.records == 0;
   reflected_[cell] += e.irradiance * diffuse_reflectance(material) * kInvPi;
 }
 

@@ -1,4 +1,5 @@
-// Radiance that surfaces send along gather rays, for many hits at a time: shadow rays go in packets.
+// Radiance that surfaces send along gather rays, for many hits at a time: shadow rays go in
+// packets.
 #pragma once
 
 #include <vector>
@@ -26,17 +27,18 @@ class SurfaceLight {
       : lighting_(lighting), want_derivatives_(want_derivatives) {}
 
   void begin(std::size_t cells);
-  // `hit` as seen from direction `w` (towards the surface) in cell `cell`; random numbers from `random`.
-  void add(std::size_t cell, const Hit& hit, const Vec3d& w, const HitLight& light,
-           RandomStream& random, Counters& counters);
+  // `hit` as seen from direction `w` (towards the surface) in cell `cell`, whose ray stands for
+  // what is `footprint` around it; random numbers from `random`.
+  void add(std::size_t cell, const Hit& hit, const Vec3d& w, double footprint,
+           const HitLight& light, RandomStream& random, Counters& counters);
   // Traces what add() collected.
   void finish(Counters& counters);
 
   RgbD radiance(std::size_t cell) const { return emitted_[cell] + reflected_[cell]; }
   // Of emitters that only gathers see.
   const RgbD& emitted(std::size_t cell) const { return emitted_[cell]; }
-  // d L_o / d w at the fixed hit: how radiance changes as the surface is seen from elsewhere; zero but for
-  // glossy surfaces and emission lobes, and only where wanted.
+  // d L_o / d w at the fixed hit: how radiance changes as the surface is seen from elsewhere; zero
+  // but for glossy surfaces and emission lobes, and only where wanted.
   const RgbGradient& direction_derivative(std::size_t cell) const { return derivative_[cell]; }
   bool has_derivatives() const { return has_derivatives_; }
 

@@ -7,6 +7,8 @@
 #endif
 #include <tbb/task_arena.h>
 
+#include <algorithm>
+#include <array>
 #include <mutex>
 #include <new>
 #include <utility>
@@ -77,6 +79,12 @@ void keep_first_error(void* user, RTCError code, const char* text) {
   first.text = text ? text : "";
 }
 
+// Triangles whose edges are longer than this many distances from the centre are cut for Embree, but
+// none below so many times the median distance of all corners. Any piece that holds p has its
+// corners within kMostReach of the larger of both then: of three edges around a point one is at
+// least 3.4 times as long as its distance from it.
+constexpr double kLongestEdge = 1, kShortestCut = 4, kMostReach = 9;
+
 double max_abs(const Vec3d& v) {
   return std::max(std::abs(v.x), std::max(std::abs(v.y), std::abs(v.z)));
 }
@@ -124,6 +132,24 @@ struct RayTracer::Impl {
   DeviceHandle device;
   SceneHandle scene, shadow_scene;  // The second only where some mesh casts no shadow.
 
+  double typical = 0;  // Distance of corners from the centre: their median, times kShortestCut.
+  // What Embree's triangles of a mesh are parts of; empty where none of them was cut.
+  struct Piece {
+    std::uint32_t triangle;
+    std::array<Vec2d, 3> corners;  // In the triangle's barycentrics.
+  };
+  std::vector<std::vector<Piece>> pieces;
+
+  // How far around p float digits are those of larger numbers: no farther than `most`.
+  double reach(const Vec3d& p, double most) const {
+    return std::min(most, kMostReach * std::max(typical, max_abs(p - centre)));
+  }
+  double offset(const Vec3d& p, double most) const { return kOffsetUlps * kUlp * reach(p, most); }
+  void find_centre();
+  bool is_long(const Vec3d& a, const Vec3d& b) const;
+  void cut(const Vec3d (&corner)[3], const Piece& whole, std::vector<Piece>& to) const;
+  std::vector<Piece> cut(const TriangleMesh& mesh) const;
+
   RTCScene shadows() const { return shadow_scene ? shadow_scene.get() : scene.get(); }
 
   // A ray as Embree gets it. One that starts outside the scene starts at its box instead, so that a
@@ -159,8 +185,9 @@ struct RayTracer::Impl {
   }
 
   double shadow_end(const ShadowRay& ray) const {
-    return std::isfinite(ray.t_end) ? ray.t_end * (1 - kShadowEnd) - kOffsetUlps * kUlp / scale
-                                    : ray.t_end;
+    if (!std::isfinite(ray.t_end)) return ray.t_end;
+    const Vec3d end = ray.origin + ray.direction * ray.t_end;
+    return ray.t_end * (1 - kShadowEnd) - offset(end, 1 / scale);
   }
 
   Hit hit_at(std::uint32_t mesh_index, std::uint32_t triangle, double b1, double b2) const;
@@ -183,8 +210,8 @@ Hit RayTracer::Impl::hit_at(std::uint32_t mesh_index, std::uint32_t triangle, do
   hit.triangle = triangle;
   hit.material = mesh.materials.empty() ? 0 : mesh.materials[triangle];
   hit.normal = cross / area;
-  const double reach = std::max({max_abs(a - centre), max_abs(b - centre), max_abs(c - centre)});
-  hit.offset = kOffsetUlps * kUlp * reach;
+  const double corners = std::max({max_abs(a - centre), max_abs(b - centre), max_abs(c - centre)});
+  hit.offset = offset(a + e1 * b1 + e2 * b2, corners);
 
   // A point within `offset` of an edge is moved in from it: where another wall meets this one
   // there, a new ray would else start on the wall's far side by rounding, and leak.
@@ -217,6 +244,14 @@ Hit RayTracer::Impl::hit_at(std::uint32_t mesh_index, std::uint32_t triangle, do
 // Embree says which triangle; where on it is found again in double.
 Hit RayTracer::Impl::rebuild(const Ray& ray, double t_end, std::uint32_t mesh_index,
                              std::uint32_t triangle, double u, double v) const {
+  if (!pieces[mesh_index].empty()) {
+    const Piece& piece = pieces[mesh_index][triangle];
+    const Vec2d at = piece.corners[0] + (piece.corners[1] - piece.corners[0]) * u +
+                     (piece.corners[2] - piece.corners[0]) * v;
+    triangle = piece.triangle;
+    u = at.x;
+    v = at.y;
+  }
   const TriangleMesh& mesh = meshes[mesh_index];
   const auto& corner = mesh.triangles[triangle];
   const Vec3d& a = mesh.positions[corner[0]];
@@ -239,17 +274,85 @@ Hit RayTracer::Impl::rebuild(const Ray& ray, double t_end, std::uint32_t mesh_in
   return hit;
 }
 
+void RayTracer::Impl::find_centre() {
+  std::vector<double> values;
+  const auto median_of = [&](const auto& value) {
+    values.clear();
+    for (const TriangleMesh& mesh : meshes)
+      for (const auto& triangle : mesh.triangles)
+        for (const std::uint32_t i : triangle) values.push_back(value(mesh.positions[i]));
+    // Of an even number the middle of two, so that one rectangle has its own.
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    if (values.size() % 2 == 1) return *middle;
+    return (*middle + *std::max_element(values.begin(), middle)) / 2;
+  };
+  for (int a = 0; a < 3; ++a) centre[a] = median_of([a](const Vec3d& p) { return p[a]; });
+  typical = kShortestCut * median_of([this](const Vec3d& p) { return max_abs(p - centre); });
+}
+
+// Of an edge alone, so that both triangles at it are cut alike and no ray passes between them.
+bool RayTracer::Impl::is_long(const Vec3d& a, const Vec3d& b) const {
+  const Vec3d edge = b - a;
+  const double length2 = edge.length2();
+  if (!(length2 > typical * typical)) return false;
+  const Vec3d nearest = a + edge * std::clamp((centre - a).dot(edge) / length2, 0.0, 1.0);
+  return length2 > kLongestEdge * kLongestEdge * (nearest - centre).length2();
+}
+
+void RayTracer::Impl::cut(const Vec3d (&corner)[3], const Piece& whole,
+                          std::vector<Piece>& to) const {
+  int longest = -1;
+  double most = 0;
+  for (int i = 0; i < 3; ++i) {
+    const Vec3d &a = corner[i], &b = corner[(i + 1) % 3];
+    const double length2 = (b - a).length2();
+    if (length2 > most && is_long(a, b)) {
+      most = length2;
+      longest = i;
+    }
+  }
+  if (longest < 0) {
+    to.push_back(whole);
+    return;
+  }
+  const int next = (longest + 1) % 3;
+  const Vec3d middle = (corner[longest] + corner[next]) * 0.5;
+  const Vec2d at = (whole.corners[longest] + whole.corners[next]) * 0.5;
+  for (const int moved : {longest, next}) {
+    Vec3d part[3] = {corner[0], corner[1], corner[2]};
+    Piece piece = whole;
+    part[moved] = middle;
+    piece.corners[static_cast<std::size_t>(moved)] = at;
+    cut(part, piece, to);
+  }
+}
+
+std::vector<RayTracer::Impl::Piece> RayTracer::Impl::cut(const TriangleMesh& mesh) const {
+  std::vector<Piece> all;
+  if (!(typical > 0)) return all;
+  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+    const auto& i = mesh.triangles[t];
+    const Vec3d corner[3] = {mesh.positions[i[0]], mesh.positions[i[1]], mesh.positions[i[2]]};
+    cut(corner, {t, {Vec2d(0.0, 0.0), Vec2d(1.0, 0.0), Vec2d(0.0, 1.0)}}, all);
+  }
+  if (all.size() == mesh.triangles.size()) all.clear();
+  return all;
+}
+
 RayTracer::RayTracer(std::vector<TriangleMesh> meshes) : impl_(std::make_unique<Impl>()) {
   Impl& impl = *impl_;
   impl.meshes = std::move(meshes);
   for (const TriangleMesh& mesh : impl.meshes)
     for (const auto& triangle : mesh.triangles)
       for (const std::uint32_t i : triangle) impl.bounds.extendBy(mesh.positions[i]);
+  impl.pieces.resize(impl.meshes.size());
   if (impl.bounds.isEmpty()) return;
-  impl.centre = (impl.bounds.min + impl.bounds.max) * 0.5;
-  impl.scale = unit_scale(max_abs(impl.bounds.max - impl.centre));
+  impl.find_centre();
+  impl.scale = unit_scale(
+      std::max(max_abs(impl.bounds.max - impl.centre), max_abs(impl.bounds.min - impl.centre)));
   impl.clip_box = impl.bounds;
-  const Vec3d margin(64 * kOffsetUlps * kUlp / impl.scale);
+  const Vec3d margin(64 * kOffsetUlps * kUlp / impl.scale);  // Of the largest float there is.
   impl.clip_box.min -= margin;
   impl.clip_box.max += margin;
 
@@ -276,20 +379,34 @@ RayTracer::RayTracer(std::vector<TriangleMesh> meshes) : impl_(std::make_unique<
     for (std::size_t m = 0; m < impl.meshes.size(); ++m) {
       const TriangleMesh& mesh = impl.meshes[m];
       if (mesh.triangles.empty()) continue;
+      std::vector<Impl::Piece>& pieces = impl.pieces[m];
+      pieces = impl.cut(mesh);
+      const std::size_t cut_corners = pieces.empty() ? mesh.positions.size() : 3 * pieces.size();
+      const std::size_t triangles = pieces.empty() ? mesh.triangles.size() : pieces.size();
       GeometryHandle geometry(rtcNewGeometry(impl.device.get(), RTC_GEOMETRY_TYPE_TRIANGLE));
       auto* vertices = static_cast<float*>(
           rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
-                                  3 * sizeof(float), mesh.positions.size()));
+                                  3 * sizeof(float), cut_corners));
       auto* indices = static_cast<std::uint32_t*>(
           rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
-                                  3 * sizeof(std::uint32_t), mesh.triangles.size()));
+                                  3 * sizeof(std::uint32_t), triangles));
       if (!vertices || !indices) break;  // The error function has the reason.
-      for (const Vec3d& p : mesh.positions) {
+      const auto add_vertex = [&](const Vec3d& p) {
         const Vec3d q = is_finite(p) ? (p - impl.centre) * impl.scale : Vec3d(0.0);
         for (int a = 0; a < 3; ++a) *vertices++ = static_cast<float>(std::clamp(q[a], -2.0, 2.0));
+      };
+      if (pieces.empty()) {
+        for (const Vec3d& p : mesh.positions) add_vertex(p);
+        for (const auto& triangle : mesh.triangles)
+          for (const std::uint32_t i : triangle) *indices++ = i;
       }
-      for (const auto& triangle : mesh.triangles)
-        for (const std::uint32_t i : triangle) *indices++ = i;
+      for (const Impl::Piece& piece : pieces) {
+        const auto& i = mesh.triangles[piece.triangle];
+        const Vec3d &a = mesh.positions[i[0]], &b = mesh.positions[i[1]], &c = mesh.positions[i[2]];
+        for (const Vec2d& at : piece.corners) add_vertex(a + (b - a) * at.x + (c - a) * at.y);
+      }
+      if (!pieces.empty())
+        for (std::uint32_t i = 0; i < cut_corners; ++i) *indices++ = i;
       rtcCommitGeometry(geometry.get());
       rtcAttachGeometryByID(impl.scene.get(), geometry.get(), unsigned(m));
       if (impl.shadow_scene && mesh.casts_shadow)
@@ -310,6 +427,8 @@ RayTracer::RayTracer(RayTracer&&) noexcept = default;
 
 const std::vector<TriangleMesh>& RayTracer::meshes() const { return impl_->meshes; }
 const Box3d& RayTracer::bounds() const { return impl_->bounds; }
+const Vec3d& RayTracer::centre() const { return impl_->centre; }
+double RayTracer::offset_at(const Vec3d& p) const { return impl_->offset(p, 1 / impl_->scale); }
 
 std::string RayTracer::library_version() { return "Embree " RTC_VERSION_STRING; }
 
@@ -397,6 +516,98 @@ void RayTracer::is_occluded(std::span<const ShadowRay> rays,
     if (any) occluded16(valid, impl_->shadows(), r);
     for (std::size_t i = 0; i < count; ++i) occluded[first + i] = valid[i] && r.tfar[i] < 0;
   }
+}
+
+bool RayTracer::sees(const Vec3d& a, const Vec3d& na, const Vec3d& b, const Vec3d& nb) const {
+  if (!impl_->scene) return true;
+  const auto is_clear = [this](const Vec3d& from, const Vec3d& to) {
+    const Vec3d way = to - from;
+    const double length = way.length();
+    if (!(length > 0)) return true;
+    const Impl::FloatRay f = impl_->to_float(from, way / length, length);
+    if (!f.is_valid) return true;
+    RTCRay r{};
+    r.org_x = f.origin[0], r.org_y = f.origin[1], r.org_z = f.origin[2];
+    r.dir_x = f.direction[0], r.dir_y = f.direction[1], r.dir_z = f.direction[2];
+    r.tfar = f.t_far;
+    r.mask = ~0u;
+    occluded1(impl_->scene.get(), r);
+    return !(r.tfar < 0);
+  };
+  // A crease between two planes lies at most half as far above the straight way as the points lie
+  // below each other's planes.
+  const auto raised = [&](const Vec3d& p, const Vec3d& n, const Vec3d& other, Vec3d& top) {
+    const double offset = offset_at(p);
+    const Vec3d low = p + n * offset;
+    const double lift = 0.5 * std::max(0.0, (p - other).dot(n));
+    top = low + n * lift;
+    return !(lift > offset) || is_clear(low, top);
+  };
+  Vec3d from, to;
+  return raised(a, na, b, from) && raised(b, nb, a, to) && is_clear(from, to);
+}
+
+double RayTracer::clearance(const Vec3d& p, const Vec3d& n) const {
+  if (!impl_->scene || !is_finite(p)) return kInfinity;
+  struct Search {
+    const Impl& impl;
+    Vec3d p, n;
+    double above;  // Lower than that is the surface itself.
+    double nearest2 = kInfinity;
+
+    static bool visit(RTCPointQueryFunctionArguments* args) {
+      Search& s = *static_cast<Search*>(args->userPtr);
+      const TriangleMesh& mesh = s.impl.meshes[args->geomID];
+      const auto& pieces = s.impl.pieces[args->geomID];
+      const auto& i = mesh.triangles[pieces.empty() ? args->primID : pieces[args->primID].triangle];
+      const Vec3d corner[3] = {mesh.positions[i[0]] - s.p, mesh.positions[i[1]] - s.p,
+                               mesh.positions[i[2]] - s.p};
+      const double found2 = s.distance2(corner);
+      if (!(found2 < s.nearest2)) return false;
+      s.nearest2 = found2;
+      args->query->radius = static_cast<float>(std::sqrt(found2) * s.impl.scale * 1.0001);
+      return true;
+    }
+
+    // To the part of a triangle that rises above the plane.
+    double distance2(const Vec3d (&corner)[3]) const {
+      Vec3d part[4];
+      int count = 0;
+      for (int k = 0; k < 3; ++k) {
+        const Vec3d &a = corner[k], &b = corner[(k + 1) % 3];
+        const double ha = n.dot(a) - above, hb = n.dot(b) - above;
+        if (ha > 0) part[count++] = a;
+        if ((ha > 0) != (hb > 0)) part[count++] = a + (b - a) * (ha / (ha - hb));
+      }
+      if (count < 3) return kInfinity;
+      double least2 = kInfinity;
+      for (int k = 0; k < count; ++k) {
+        const Vec3d &a = part[k], edge = part[(k + 1) % count] - a;
+        const double length2 = edge.length2();
+        const double at = length2 > 0 ? std::clamp(-a.dot(edge) / length2, 0.0, 1.0) : 0;
+        least2 = std::min(least2, (a + edge * at).length2());
+      }
+      // Nearer than its edges only where p lies over it.
+      const Vec3d cross = (corner[1] - corner[0]).cross(corner[2] - corner[0]);
+      const double area2 = cross.length2();
+      if (!(area2 > 0)) return least2;
+      const Vec3d foot = cross * (cross.dot(corner[0]) / area2);
+      if (!(n.dot(foot) > above)) return least2;
+      for (int k = 0; k < 3; ++k)
+        if ((corner[(k + 1) % 3] - corner[k]).cross(foot - corner[k]).dot(cross) < 0) return least2;
+      return std::min(least2, foot.length2());
+    }
+  };
+  Search search{*impl_, p, n, 2 * offset_at(p)};
+  RTCPointQuery query{};
+  query.x = static_cast<float>((p.x - impl_->centre.x) * impl_->scale);
+  query.y = static_cast<float>((p.y - impl_->centre.y) * impl_->scale);
+  query.z = static_cast<float>((p.z - impl_->centre.z) * impl_->scale);
+  query.radius = std::numeric_limits<float>::infinity();
+  RTCPointQueryContext context;
+  rtcInitPointQueryContext(&context);
+  rtcPointQuery(impl_->scene.get(), &query, &context, Search::visit, &search);
+  return std::sqrt(search.nearest2);
 }
 
 Hit RayTracer::point_on(std::uint32_t mesh, std::uint32_t triangle,

@@ -15,7 +15,6 @@ namespace {
 enum Dimension : std::uint32_t { kPixel, kShell = 16, kSurfaceLight = 1024 };
 
 constexpr int kTilePixels = 16;
-constexpr int kMostStretches = 3;  // Doublings of a query's footprint before a fallback gather.
 
 // Renders pixels on one thread.
 class PixelRenderer {
@@ -112,15 +111,12 @@ RgbD PixelRenderer::indirect(const Hit& hit, const Vec3d& n, double footprint, s
                              PixelResult& result) {
   if (!effects_.indirect) return {};
   if (!options_.gather_everywhere) {
-    IrradianceQuery query{kTopLayer, hit.position, n, footprint};
-    for (int stretch = 0; stretch <= kMostStretches; ++stretch, query.min_radius *= 2) {
-      const InterpolatedIrradiance e = cache_.irradiance(query);
-      ++counters.cache_queries;
-      counters.cache_clamps += e.clamped;
-      if (e.records == 0) continue;
-      result.cache_count += e.records;
-      return e.irradiance;
-    }
+    const InterpolatedIrradiance e =
+        cache_.irradiance(pixel_query(world_, hit.position, n, footprint));
+    ++counters.cache_queries;
+    counters.cache_clamps += e.clamped;
+    result.cache_count += e.records;
+    if (e.records > 0) return e.irradiance;
     ++counters.cache_misses;
     if (!options_.gather_fallback) return {};
     ++counters.fallback_gathers;
@@ -144,7 +140,8 @@ RgbD PixelRenderer::glossy_indirect(const Vec3d& p, const Vec3d& n, const Vec3d&
       seen[Layer::VolumeDirect] + seen[Layer::VolumeIndirect] + seen[Layer::VolumeEmission];
   if (hit.is_hit()) {
     hit_light_.begin(1);
-    hit_light_.add(0, hit, ray.direction, below_, random, counters);
+    constexpr double kSpread = 1.0 / 16;  // Of one of a lobe's rays.
+    hit_light_.add(0, hit, ray.direction, kSpread * hit.t, below_, random, counters);
     hit_light_.finish(counters);
     light += hit_light_.radiance(0) * reaching;
   }

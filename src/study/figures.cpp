@@ -57,8 +57,6 @@ BakeSettings figure_settings(const RenderSettings& render, bool is_quick) {
   settings.gather.cells_phi = 19;
   settings.bounces = std::min(settings.bounces, 1);
   settings.error = 0.4;
-  settings.min_radius = 0.01;
-  settings.max_radius = 0.15;
   return settings;
 }
 

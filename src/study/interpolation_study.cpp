@@ -14,6 +14,7 @@ IrradianceCache sparse_cache(const IrradianceCache& cache) {
   for (SurfaceRecord r : cache.records()) {
     if (random_key(r.key) % kThinning != 0) continue;
     for (float& radius : r.radius) radius *= kWidening;
+    r.flags &= ~kClearFlag;
     kept.push_back(r);
   }
   return {std::move(kept), cache.origin()};
@@ -21,7 +22,8 @@ IrradianceCache sparse_cache(const IrradianceCache& cache) {
 
 using References = std::array<std::vector<PointGather>, 2>;
 
-InterpolationErrors errors_of(const std::array<IrradianceCache, kModeCount>& caches, int layer,
+InterpolationErrors errors_of(const World& world,
+                              const std::array<IrradianceCache, kModeCount>& caches,
                               const std::vector<SurfacePoint>& points,
                               const References& references) {
   InterpolationErrors result;
@@ -32,7 +34,7 @@ InterpolationErrors errors_of(const std::array<IrradianceCache, kModeCount>& cac
     for (std::size_t i = 0; i < points.size(); ++i) {
       const SurfacePoint& p = points[i];
       const InterpolatedIrradiance e =
-          caches[m].irradiance({layer, p.position, p.normal, p.min_radius});
+          caches[m].irradiance(pixel_query(world, p.position, p.normal, p.min_radius));
       if (e.records == 0) continue;
       ++result.points;
       error.add(luminance(e.irradiance), luminance(references[0][i].irradiance),
@@ -55,11 +57,11 @@ InterpolationStudy study_interpolation(const StudyScene& scene, const Irradiance
       std::max(options.least_stride, static_cast<int>(std::sqrt(pixels / options.points)));
   // Off the lattice of pixels where most records lie.
   const PixelRect frame{stride / 2, stride / 2, options.view.width, options.view.height};
-  constexpr int layer = kTopLayer;
 
   std::vector<SurfacePoint> points;
   for (const SurfacePoint& p : view_points(scene.world(), options.view, frame, stride, false))
-    if (caches.caches[0].covers({layer, p.position, p.normal, p.min_radius})) points.push_back(p);
+    if (caches.caches[0].covers(pixel_query(scene.world(), p.position, p.normal, p.min_radius)))
+      points.push_back(p);
   References references;
   GatherOptions gather = with_cells(scene.settings().gather, options.reference_cells);
   gather.gradient = GradientMode::None;
@@ -78,10 +80,10 @@ InterpolationStudy study_interpolation(const StudyScene& scene, const Irradiance
     study.media_share += references[0][i].media_share / double(points.size());
   }
   study.reference_noise = own.reference_noise();
-  study.as_baked = errors_of(caches.caches, layer, points, references);
+  study.as_baked = errors_of(scene.world(), caches.caches, points, references);
   std::array<IrradianceCache, kModeCount> sparse;
   for (std::size_t m = 0; m < kModeCount; ++m) sparse[m] = sparse_cache(caches.caches[m]);
-  study.sparse = errors_of(sparse, layer, points, references);
+  study.sparse = errors_of(scene.world(), sparse, points, references);
   return study;
 }
 

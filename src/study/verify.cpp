@@ -66,7 +66,7 @@ Verification verify_cache(const Lighting& lighting, const BakeSettings& settings
     o.point.position = hit->position;
     o.point.normal = hit->normal.dot(n) > 0 ? hit->shading_normal : -hit->shading_normal;
     const InterpolatedIrradiance e =
-        cache.irradiance({kTopLayer, hit->position, o.point.normal, 0});
+        cache.irradiance(pixel_query(world, hit->position, o.point.normal, 0));
     o.covered = e.records > 0;
     if (!o.covered) return;
     if (!gatherers[slot]) gatherers[slot] = std::make_unique<Gatherer>(lighting, effects, gather);

@@ -22,8 +22,6 @@ BakeSettings settings_of(int bounces) {
   s.gather.cells_phi = 50;
   s.bounces = bounces;
   s.error = 0.15;
-  s.min_radius = 0.005;
-  s.max_radius = 0.06;
   return s;
 }
 

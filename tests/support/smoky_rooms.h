@@ -85,8 +85,8 @@ inline BakeSettings coarse_settings(int bounces = 2) {
   s.gather.cells_phi = 25;
   s.gather.shells = 12;
   s.bounces = bounces;
-  s.min_radius = 0.01;
-  s.max_radius = 0.1;
+  s.min_radius = 0.02;
+  s.max_radius = 0.2;
   return s;
 }
 

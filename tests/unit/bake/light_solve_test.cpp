@@ -56,7 +56,7 @@ struct Solved {
 
   Solved(int count, double albedo, std::uint64_t seed, int threads)
       : system(system_of(count, albedo, seed)),
-        transport(World(Scene{}), system.cache, system.rows, no_medium, 0, threads) {}
+        transport(World(Scene{}), system.cache, system.rows, no_medium, threads) {}
   DeepSolution solve(int bounces) const {
     return solve_deep_light(transport, system.rows, no_medium, bounces, 1);
   }

@@ -42,7 +42,7 @@ struct Chain {
     }
     const IrradianceCache cache({}, Vec3d(0.0), {},
                                 std::make_shared<VolumeCache>(records, Vec3d(0.0)));
-    transport = std::make_unique<LightTransport>(World(Scene{}), cache, none, rows, 0, 2);
+    transport = std::make_unique<LightTransport>(World(Scene{}), cache, none, rows, 2);
   }
   std::vector<RgbD> plain(const std::vector<RgbD>& source, int terms) const {
     std::vector<RgbD> sum = source, term = source;

@@ -117,7 +117,6 @@ TEST(Gather, TinyDistancesKeepRecordsBounded) {
   test::add_rectangle(scene, {-1.5004, 1, 0}, {0, 0, 1}, {0, -2, 0}, glow);  // Faces it.
   const test::LitWorld lit(scene);
   BakeSettings settings;
-  const double diagonal = lit.world.diagonal();
   Gatherer gatherer(lit.lighting, lit.effects, cells(16, 50));
   for (const double x : {-1.5 - 1e-7, -1.5001, -1.5002, -1.50039, -1.501, -1.4999}) {
     for (int s = 0; s < 8; ++s) {
@@ -127,15 +126,13 @@ TEST(Gather, TinyDistancesKeepRecordsBounded) {
       ASSERT_TRUE(is_sound(r)) << x;
       // All a point can get is pi times the brightest radiance: 1, and a little from the lamp.
       EXPECT_LE(r.irradiance.g, 1.1 * kPi);
-      const double radius = split_sphere_radius(r, {0, 0, 1}, settings, diagonal);
-      EXPECT_GE(radius, settings.min_radius * diagonal);
-      EXPECT_LE(radius, settings.max_radius * diagonal);
+      const double clearance = lit.world.tracer().clearance({x, 0.1, 0}, {0, 0, 1});
+      const double radius = record_radius(r, {0, 0, 1}, clearance, settings, 1);
+      EXPECT_GT(radius, 0);
+      EXPECT_LE(radius, r.nearest);
       const Vec3d g = r.terms.sum().g;
       const double slope = std::hypot(g.x, g.y);
-      // A record changes by no more than its accuracy, but where it may not be smaller.
-      if (radius > 1.001 * settings.min_radius * diagonal) {
-        EXPECT_LE(slope * radius, 1.001 * settings.error * r.irradiance.g);
-      }
+      EXPECT_LE(slope * radius, 1.001 * settings.error * r.irradiance.g);
     }
   }
 }

@@ -182,7 +182,7 @@ TEST(CachedRenderer, InterpolatesASmoothSceneToAPercent) {
   settings.gather.cells_theta = 40;
   settings.gather.cells_phi = 125;
   settings.error = 0.1;
-  settings.max_radius = 0.03;
+  settings.max_radius = 0.25;
   const Stage stage(scene, settings);
   BakeView view{"floor", {}, 16, 16};
   view.camera = {{0, -1.5, 1.2}, {0, 0.5, 0}, {0, 0, 1}, 50};

@@ -17,7 +17,7 @@ class Regradient : public testing::Test {
     s.gather.cells_theta = 4;
     s.gather.cells_phi = 12;
     s.gather.shells = 6;
-    s.min_radius = 0.04;
+    s.min_radius = 0.07;
     return s;
   }
   static const StudyScene& scene() {

@@ -137,7 +137,7 @@ TEST(Tree, HasArrowsThatNeverTurnRound) {
       {"core", {}},
       {"vdb_media", {"core"}},
       {"geom", {"core"}},
-      {"cache", {"core"}},
+      {"cache", {"geom"}},
       {"exchange", {"cache", "vdb_media"}},
       {"scene", {"vdb_media", "geom"}},
       {"plan", {"scene"}},
