@@ -17,9 +17,8 @@
 namespace brume {
 namespace {
 
-// Half the cells each way, twice the spacing.
+// Half the cells each way.
 constexpr int kCellsDivisor = 2;
-constexpr double kErrorFactor = 2;
 // Records are first placed so many footprints apart, half as many in each wave that follows: most
 // reach farther than the footprint that asked for them.
 constexpr double kFirstSpacing = 8;
@@ -80,8 +79,11 @@ class DeepBake {
                          kCoveredWithin);
   }
   Points uncovered(const Points& points) const;
-  // Where light first lands, and what surfaces see anywhere.
-  Points first_points() const;
+  // Where light first lands, and other places that surfaces see.
+  struct FirstPoints {
+    Points lit, dark;
+  };
+  FirstPoints first_points() const;
   // Until nearly all hits of all gathers are covered.
   bool place();
   bool bake_wave(const Points& points);
@@ -166,20 +168,20 @@ DeepBake::Points DeepBake::uncovered(const Points& points) const {
   return open;
 }
 
-DeepBake::Points DeepBake::first_points() const {
-  Points points;
+DeepBake::FirstPoints DeepBake::first_points() const {
+  FirstPoints points;
   // Where no lamp's light lands, only light that no lamp sends could begin.
   const bool is_lit_otherwise =
       effects_.scattering || effects_.emission || world_.has_gathered_emitters();
-  const auto add_hit = [&](const Ray& ray, double spread, std::uint64_t of_point) {
+  const auto add_hit = [&](const Ray& ray, double spread, std::uint64_t key) {
     const Hit hit = world_.tracer().intersect(ray);
     if (!hit.is_hit() || !world_.material(hit).reflects()) return;
     const Vec3d n = reflecting_normal(hit, ray.direction);
     Counters ignored;
-    if (!is_lit_otherwise && is_black(direct_irradiance(lighting_, hit.position + n * hit.offset, n,
-                                                        kLampSamples, of_point, ignored)))
-      return;
-    points.push_back({hit.position, n, hit.offset, spread * hit.t});
+    const bool is_lit =
+        is_lit_otherwise || !is_black(direct_irradiance(lighting_, hit.position + n * hit.offset, n,
+                                                        kLampSamples, key, ignored));
+    (is_lit ? points.lit : points.dark).push_back({hit.position, n, hit.offset, spread * hit.t});
   };
   const std::uint64_t key = random_key(settings_.seed, 0x6669727374ULL);
   // Lamps of which there are many stand for each other.
@@ -237,7 +239,8 @@ double DeepBake::area_of(const Points& points) {
 }
 
 bool DeepBake::place() {
-  Points open = first_points();
+  FirstPoints first = first_points();
+  Points open = std::move(first.lit);
   std::vector<double> footprints;
   for (const SurfacePoint& p : open) footprints.push_back(p.min_radius);
   if (!footprints.empty()) {
@@ -255,14 +258,14 @@ bool DeepBake::place() {
   for (double spacing = kFirstSpacing;; spacing = std::max(1.0, spacing / 2)) {
     open = uncovered(open);
     if (open.empty() || area_of(open) < kOpenPart * asked_ || records_.size() >= kMostRecords)
-      return true;
+      break;
     report(0.6 * std::min(1.0, kOpenPart * asked_ / area_of(open)));
     Points points = thin_by_footprint(open, 0.7 * spacing);
     points.resize(std::min({points.size(), kMostRecords - records_.size(),
                             std::max(kLeastWave, records_.size() / 2)}));
     const std::size_t before = records_.size();
     if (is_stopped() || !bake_wave(on_surfaces(std::move(points)))) return false;
-    if (records_.size() == before) return true;
+    if (records_.size() == before) break;
     for (const SurfaceRecord& r : records_) {
       if (r.wave() != std::min(wave_ - 1, 255)) continue;
       const DeepRow& row = rows_.at(r.key);
@@ -272,6 +275,9 @@ bool DeepBake::place() {
       open.insert(open.end(), seen.begin(), seen.end());
     }
   }
+  // Where light never came to, a few say so: gathers there need not look for others far and wide.
+  for (SurfacePoint& p : first.dark) p.min_radius = std::max(p.min_radius, finest_);
+  return bake_wave(on_surfaces(thin_by_footprint(uncovered(first.dark), 0.7 * kFirstSpacing)));
 }
 
 DeepBake::Records DeepBake::with_light(const std::vector<RgbD>& light) const {
@@ -417,7 +423,6 @@ BakeSettings deep_settings(const BakeSettings& settings) {
   BakeSettings deep = settings;
   deep.gather.cells_theta = std::max(4, settings.gather.cells_theta / kCellsDivisor);
   deep.gather.cells_phi = std::max(8, settings.gather.cells_phi / kCellsDivisor);
-  deep.error *= kErrorFactor;
   return deep;
 }
 

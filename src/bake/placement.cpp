@@ -110,7 +110,7 @@ std::vector<SurfacePoint> SurfacePatches::points(double spacing, std::uint64_t s
 }
 
 std::vector<SurfacePoint> some_surface_points(const RayTracer& tracer, std::uint64_t seed) {
-  constexpr std::size_t kEach = 1024;
+  constexpr std::size_t kEach = 512;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> triangles;
   std::vector<double> area_up_to;
   double area = 0;

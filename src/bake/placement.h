@@ -48,7 +48,7 @@ class SurfacePatches {
   std::vector<Patch> open_;
 };
 
-// A few thousand points for gathers to begin with, both sides, half of them by area and half by
+// Two thousand points for gathers to begin with, both sides, half of them by area and half by
 // triangle, so that neither vast ground nor fine meshes keep all of them.
 std::vector<SurfacePoint> some_surface_points(const RayTracer& tracer, std::uint64_t seed);
 

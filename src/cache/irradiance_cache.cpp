@@ -19,8 +19,12 @@ struct LocalQuery {
 };
 
 LocalQuery localise(const IrradianceQuery& query, const Vec3d& origin) {
-  return {query.position - origin, query.normal, query.min_radius > 0 ? query.min_radius : 0.0,
-          query.surfaces,          origin,       query.stretches,
+  return {query.position - origin,
+          query.normal,
+          query.min_radius > 0 ? query.min_radius : 0.0,
+          query.surfaces,
+          origin,
+          query.stretches,
           query.only_if_open};
 }
 
@@ -165,7 +169,7 @@ int collect_stretched(const RecordIndex& index, std::span<const SurfaceRecord> r
     if (!answers.empty()) return 0;
   }
   // Who is surrounded by so many that surfaces hide is in another room than all of them.
-  constexpr std::size_t kAsked = 16, kSurrounded = 64;
+  constexpr std::size_t kAsked = 12, kSurrounded = 48;
   const std::size_t most = query.only_if_open ? kAsked : std::numeric_limits<std::size_t>::max();
   for (int doublings = 0;; ++doublings, query.min_radius *= 2) {
     const std::size_t count =

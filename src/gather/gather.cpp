@@ -28,7 +28,7 @@ GradientMode parse_gradient_mode(const std::string& name) {
 
 IrradianceQuery hit_query(const World& world, int layer, const Vec3d& position, const Vec3d& normal,
                           double footprint) {
-  constexpr int kMostStretches = 16;
+  constexpr int kMostStretches = 40;  // From any corner to the nearest in sight.
   return {layer, position, normal, footprint, &world.tracer(), kMostStretches, true};
 }
 
