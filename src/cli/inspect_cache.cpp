@@ -70,8 +70,8 @@ struct Histogram {
 struct Summary {
   std::map<int, std::map<int, std::size_t>> counts;  // Of surfaces: by layer, by wave.
   std::map<int, std::size_t> volume_counts;          // By wave.
-  std::size_t unfinished = 0;                        // Of a stopped bake, of shards, or what a filter left.
-  std::optional<Box3d> bounds;                       // World space.
+  std::size_t unfinished = 0;   // Of a stopped bake, of shards, or what a filter left.
+  std::optional<Box3d> bounds;  // World space.
   std::vector<double> radii, relative_errors, gradients;
 };
 
@@ -141,7 +141,8 @@ struct Answers {
   InterpolatedIrradiance irradiance;
 };
 
-Answers ask(const IrradianceCache& cache, const InspectCacheOptions& options) {
+// `world` may be null: then nothing hides any record.
+Answers ask(const IrradianceCache& cache, const InspectCacheOptions& options, const World* world) {
   Answers answers;
   IrradianceQuery& query = answers.query;
   query.position = *options.at;
@@ -161,6 +162,10 @@ Answers ask(const IrradianceCache& cache, const InspectCacheOptions& options) {
       }
     }
   }
+  if (world)
+    query = query.layer == kTopLayer
+                ? pixel_query(*world, query.position, query.normal, query.min_radius)
+                : hit_query(*world, query.layer, query.position, query.normal, query.min_radius);
   answers.parts = cache.explain(query);
   answers.irradiance = cache.irradiance(query);
   return answers;
@@ -321,8 +326,9 @@ void print_summary(std::ostream& out, const std::filesystem::path& file, const C
   for (const auto& [layer, waves] : summary.counts)
     print_row(out, "layer " + std::to_string(layer), shown_waves(waves));
   if (contents.volume.size() > 0)
-    print_row(out, "medium", shown_waves(summary.volume_counts) + "; moments up to order " +
-                                 std::to_string(contents.volume.order));
+    print_row(out, "medium",
+              shown_waves(summary.volume_counts) + "; moments up to order " +
+                  std::to_string(contents.volume.order));
   print_solve(out, contents);
 }
 
@@ -378,8 +384,15 @@ void warn_of_another_scene(const std::filesystem::path& file, const CacheContent
     context.warn(printable(file.string()) + ": was not baked from this scene as it is now");
 }
 
+struct OfScene {
+  Scene scene;
+  World world;
+
+  explicit OfScene(Scene loaded) : scene(std::move(loaded)), world(scene) {}
+};
+
 void write_page(const std::filesystem::path& file, const CacheContents& contents,
-                const InspectCacheOptions& options, const SceneOptions& scene_options,
+                const InspectCacheOptions& options, const OfScene* of_scene,
                 const CommandContext& context) {
   RecordPageOptions page;
   page.title = file.filename().string();
@@ -389,15 +402,12 @@ void write_page(const std::filesystem::path& file, const CacheContents& contents
   const Json settings = settings_json(contents.header.settings);
   if (settings.is_object())
     for (const auto& [key, value] : settings.items()) page.facts.emplace_back(key, value.dump());
-  std::optional<World> world;
-  if (!scene_options.file.empty()) {
-    const Scene scene = load_scene_verbosely(scene_options, context);
+  if (of_scene) {
+    const Scene& scene = of_scene->scene;
     page.up = scene.up;
     page.camera = scene.camera;
     if (!page.camera && !scene.cameras.empty()) page.camera = scene.cameras.begin()->second;
-    world.emplace(scene);
-    warn_of_another_scene(file, contents, *world, context);
-    page.world = &*world;
+    page.world = &of_scene->world;
   }
   for (const std::string& warning : write_record_page(options.html, contents, page))
     context.warn(warning);
@@ -430,11 +440,16 @@ int inspect_cache(const std::filesystem::path& file, const InspectCacheOptions& 
                                       std::to_string(count) + " surface records");
   range.second = std::min(range.second, count);
 
+  std::optional<OfScene> of_scene;
+  if (!scene.file.empty()) {
+    of_scene.emplace(load_scene_verbosely(scene, context));
+    warn_of_another_scene(file, contents, of_scene->world, context);
+  }
   std::optional<IrradianceCache> cache;
   std::optional<Answers> answers;
   if (options.at) {
     cache.emplace(contents.records, contents.header.origin, contents.curve_order);
-    answers = ask(*cache, options);
+    answers = ask(*cache, options, of_scene ? &of_scene->world : nullptr);
   }
   const Summary summary = summarise(contents);
   if (context.json) {
@@ -457,7 +472,8 @@ int inspect_cache(const std::filesystem::path& file, const InspectCacheOptions& 
     if (options.records) print_records(context.out, contents, range.first, range.second);
     if (answers) print_answers(context.out, *answers, *cache);
   }
-  if (!options.html.empty()) write_page(file, contents, options, scene, context);
+  if (!options.html.empty())
+    write_page(file, contents, options, of_scene ? &*of_scene : nullptr, context);
   if (!is_sound) throw fault();
   return 0;
 }

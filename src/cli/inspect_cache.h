@@ -19,7 +19,7 @@ struct InspectCacheOptions {
   // Of `at`; default: of the nearest record of the layer.
   std::optional<Vec3d> normal;
   std::optional<int> layer;  // Of `at`; default: the one that answers eye rays, the highest.
-  double min_radius = 0;     // Of `at`.
+  double min_radius = 0;     // Of `at`: its footprint.
   // Goes on after bad records and says what precedes the damage of a damaged file.
   bool deep = false;
   std::filesystem::path html;      // Also writes a page that shows the records; empty: none.
@@ -28,7 +28,8 @@ struct InspectCacheOptions {
 
 // Returns 0. Throws Error(InvalidInput) with the one-line reason for a file that is missing,
 // damaged, unfinished or no cache; with `deep`, after what precedes the damage was printed.
-// `scene`, where it names a file, gives the page its surfaces.
+// `scene`, where it names a file, gives the page its surfaces, and `at` what hides records from it:
+// then exactly the records are listed that a picture uses there.
 int inspect_cache(const std::filesystem::path& file, const InspectCacheOptions& options,
                   const SceneOptions& scene, CommandContext& context);
 

@@ -49,9 +49,10 @@ int inspect(const InspectOptions& options, CommandContext& context) {
   }
   InspectCacheOptions cache = options.cache;
   cache.min_radius = options.min_radius.value_or(0);
-  if (cache.html.empty() && !options.scene.file.empty())
+  if (cache.html.empty() && !cache.at && !options.scene.file.empty())
     throw Error(ErrorKind::Usage, printable(options.scene.file.string()) +
-                                      ": a scene is for the page alone: add --html FILE");
+                                      ": a scene is for pages and points: add --html FILE or "
+                                      "--at X,Y,Z");
   return inspect_cache(options.file, cache, options.scene, context);
 }
 
@@ -67,7 +68,8 @@ void add_cache_options(CLI::App& verb, CommandContext& context, InspectOptions& 
       },
       "Lists these records"));
   of_caches(add_parsed(verb, "--at", "X,Y,Z", options.cache.at, vector,
-                       "Lists the records that answer at this point, with their weights"));
+                       "Lists the records that answer at this point, with their weights; with "
+                       "SCENE, without those that its surfaces hide"));
   of_caches(add_parsed(verb, "--normal", "X,Y,Z", options.cache.normal, vector,
                        "With --at: the side that receives (default: that of the nearest record)"));
   of_caches(add_integer(verb, "--layer", options.cache.layer, 0, kTopLayer,
@@ -99,7 +101,7 @@ void add_inspect_command(CLI::App& app, CommandContext& context) {
   add_cache_options(*verb, context, *options);
   verb->footer(R"(Examples:
   brume inspect shot.irc --deep
-  brume inspect shot.irc --at 0,0.5,0 --json
+  brume inspect shot.irc shot.json --at 0,0.5,0 --json
   brume inspect shot.irc shot.json --html shot.html
   brume inspect smoke.vdb)");
   verb->callback([options, &context] {

@@ -62,8 +62,9 @@ TEST(IrradianceCache, ALoneRecordReturnsItselfAtItsPoint) {
     EXPECT_NEAR(e.media_share, record.media_share, 1e-7);
     // Adding and taking off the origin moves the point by an ulp of it.
     for (int c = 0; c < 3; ++c) EXPECT_NEAR(e.irradiance[c], record.irradiance[c], 1e-13);
-    const InterpolatedIrradiance exact = IrradianceCache({record}, Vec3d(0.0))
-        .irradiance(query_at(vector(record.position), vector(record.normal)));
+    const InterpolatedIrradiance exact =
+        IrradianceCache({record}, Vec3d(0.0))
+            .irradiance(query_at(vector(record.position), vector(record.normal)));
     for (int c = 0; c < 3; ++c) EXPECT_EQ(exact.irradiance[c], double(record.irradiance[c]));
   }
 }
@@ -86,7 +87,8 @@ TEST(IrradianceCache, ReproducesALinearFieldThroughGradients) {
   for (int i = 0; i < 100; ++i) {
     SurfaceRecord record = flat_record(i % 10 * 0.1, i / 10 * 0.1, 0, 0.3);
     for (int c = 0; c < 3; ++c) {
-      record.irradiance[c] = 5 + record.position[0] - 2 * record.position[1] + static_cast<float>(c);
+      record.irradiance[c] =
+          5 + record.position[0] - 2 * record.position[1] + static_cast<float>(c);
       record.gradient[3 * c] = 1;
       record.gradient[3 * c + 1] = -2;
     }
@@ -130,8 +132,8 @@ TEST(IrradianceCache, FindsExactlyWhoAnswers) {
   RandomStream random(9);
   int answers = 0;
   for (int i = 0; i < 1500; ++i) {
-    IrradianceQuery q = query_at({random.uniform(), random.uniform(), random.uniform()},
-                                 random_direction(random));
+    IrradianceQuery q =
+        query_at({random.uniform(), random.uniform(), random.uniform()}, random_direction(random));
     q.position += origin;
     // Below all radii, between them, above them, and so large that all are near.
     q.min_radius = std::array<double, 5>{0, 0.12, 0.15, 0.3, 4}[static_cast<std::size_t>(i) % 5];
@@ -156,16 +158,16 @@ TEST(IrradianceCache, WeighsTheMeanOfWhatExplainTells) {
   RandomStream random(10);
   int several = 0;
   for (int i = 0; i < 1000; ++i) {
-    IrradianceQuery q = query_at({random.uniform(), random.uniform(), random.uniform()},
-                                 random_direction(random));
+    IrradianceQuery q =
+        query_at({random.uniform(), random.uniform(), random.uniform()}, random_direction(random));
     q.min_radius = 0.2;
     double weights = 0;
     RgbD sum;
     for (const RecordWeight& part : cache.explain(q)) {
       weights += part.weight;
       for (int c = 0; c < 3; ++c)
-        sum[c] += part.weight *
-                  std::clamp(part.extrapolated[c], 0.0, 2.0 * part.record->irradiance[c]);
+        sum[c] +=
+            part.weight * std::clamp(part.extrapolated[c], 0.0, 2.0 * part.record->irradiance[c]);
     }
     if (weights == 0) continue;
     several += cache.explain(q).size() > 1;
@@ -277,8 +279,8 @@ TEST(IrradianceCache, DoesNotDependOnTheOrderRecordsComeIn) {
   const IrradianceCache reversed(records, Vec3d(0.0));
   RandomStream random(13);
   for (int i = 0; i < 300; ++i) {
-    IrradianceQuery q = query_at({random.uniform(), random.uniform(), random.uniform()},
-                                 random_direction(random));
+    IrradianceQuery q =
+        query_at({random.uniform(), random.uniform(), random.uniform()}, random_direction(random));
     q.min_radius = 0.4;
     EXPECT_EQ(cache.irradiance(q).irradiance, reversed.irradiance(q).irradiance);
   }
@@ -309,11 +311,12 @@ TEST(IrradianceCache, NeverAnswersWithNan) {
   const double nan = kNan, infinity = kInfinity;
   const Vec3d odd[] = {{nan, 0, 0}, {infinity, 0, 0}, {1e300, 1e300, 0}, {0, 0, 0}, {1e-320, 0, 0}};
   for (int i = 0; i < 3000; ++i) {
-    IrradianceQuery q = query_at({random.uniform(), random.uniform(), random.uniform()},
-                                 random_direction(random));
+    IrradianceQuery q =
+        query_at({random.uniform(), random.uniform(), random.uniform()}, random_direction(random));
     if (i % 7 == 0) q.position = odd[i / 7 % 5];
     if (i % 11 == 0) q.normal = odd[i / 11 % 5];
-    q.min_radius = std::array<double, 6>{0, nan, infinity, -1, 1e300, 0.5}[static_cast<std::size_t>(i) % 6];
+    q.min_radius =
+        std::array<double, 6>{0, nan, infinity, -1, 1e300, 0.5}[static_cast<std::size_t>(i) % 6];
     const InterpolatedIrradiance e = cache.irradiance(q);
     ASSERT_TRUE(is_finite(e.irradiance) && std::isfinite(e.media_share)) << "query " << i;
     for (int c = 0; c < 3; ++c) ASSERT_GE(e.irradiance[c], 0);
@@ -343,6 +346,58 @@ TEST(HilbertCurve, VisitsEveryCellOnceAndStepsToANeighbour) {
     for (std::size_t a = 0; a < 3; ++a) distance += std::abs(path[i][a] - path[i - 1][a]);
     ASSERT_EQ(distance, 1) << "step " << i;
   }
+}
+
+// A wall at x = 0 between two records: neither answers on the other's side, however wide it is or a
+// footprint makes it; of those that a wall hides all, a stretched query finds whoever is in sight.
+TEST(IrradianceCache, NoRecordAnswersThroughASurface) {
+  TriangleMesh ground, wall;
+  ground.positions = {{-5, -5, 0}, {5, -5, 0}, {5, 5, 0}, {-5, 5, 0}};
+  ground.triangles = {{0, 1, 2}, {0, 2, 3}};
+  wall.positions = {{0, -5, 0}, {0, 5, 0}, {0, 5, 5}, {0, -5, 5}};
+  wall.triangles = {{0, 1, 2}, {0, 2, 3}};
+  const RayTracer surfaces({ground, wall});
+  SurfaceRecord lit = flat_record(-0.01, 0, 1, 2), dark = flat_record(0.5, 0, 0, 0.1);
+  const IrradianceCache cache(with_keys({lit, dark}), Vec3d(0.0));
+  IrradianceQuery query = query_at({0.02, 0, 0});
+  EXPECT_EQ(cache.irradiance(query).records, 1);
+  query.surfaces = &surfaces;
+  EXPECT_FALSE(cache.covers(query));
+  EXPECT_EQ(cache.irradiance(query).records, 0);
+  query.min_radius = 0.2;
+  EXPECT_EQ(cache.irradiance(query).records, 0);
+  query.stretches = 3;
+  const InterpolatedIrradiance e = cache.irradiance(query);
+  EXPECT_EQ(e.records, 1);
+  EXPECT_EQ(e.stretches, 2);
+  EXPECT_EQ(e.irradiance.g, 0);
+  ASSERT_EQ(cache.explain(query).size(), 1u);
+  EXPECT_EQ(cache.explain(query)[0].record->irradiance[1], 0);
+  // On its own side the lit one answers.
+  query = query_at({-0.5, 0, 0});
+  query.surfaces = &surfaces;
+  EXPECT_EQ(cache.irradiance(query).irradiance.g, 1);
+}
+
+// A record that says that its surroundings are clear is believed, within its radius and above its
+// plane.
+TEST(IrradianceCache, AClearRecordIsBelieved) {
+  TriangleMesh plate;
+  plate.positions = {{0.1, -5, -5}, {0.1, 5, -5}, {0.1, 5, 5}, {0.1, -5, 5}};
+  plate.triangles = {{0, 1, 2}, {0, 2, 3}};
+  const RayTracer surfaces({plate});
+  SurfaceRecord record = flat_record(0, 0, 1, 0.3);
+  record.flags |= kClearFlag;
+  const IrradianceCache cache({record}, Vec3d(0.0));
+  const auto answers = [&](const Vec3d& p, double min_radius) {
+    IrradianceQuery query = query_at(p);
+    query.surfaces = &surfaces;
+    query.min_radius = min_radius;
+    return cache.irradiance(query).records;
+  };
+  EXPECT_EQ(answers({0.2, 0, 0}, 0), 1);
+  EXPECT_EQ(answers({0.4, 0, 0}, 1), 0);      // Beyond its radius a ray decides,
+  EXPECT_EQ(answers({0.2, 0, -0.01}, 0), 0);  // and below its plane.
 }
 
 }  // namespace

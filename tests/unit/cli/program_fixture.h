@@ -85,8 +85,8 @@ class ProgramTest : public CliTest {
   std::vector<std::string> small_bake(const std::string& file,
                                       const std::vector<std::string>& more = {}) {
     std::vector<std::string> arguments{
-        "bake", scene(),        "-o",   path(file), "--res", "16x12",           "--error",
-        "1",    "--min-radius", "0.02", "-t",       "1",     "--seal-interval", "0.01"};
+        "bake",    scene(), "-o", path(file), "--res",           "16x12",
+        "--error", "1",     "-t", "1",        "--seal-interval", "0.01"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return arguments;
   }

@@ -18,6 +18,16 @@ TEST(Values, SizesTakePowersOf1024) {
     EXPECT_THROW(parse_bytes("-m", bad), CLI::ValidationError) << bad;
 }
 
+TEST(Values, LengthsNameTheirUnit) {
+  EXPECT_DOUBLE_EQ(parse_length("-m", "5mm"), 0.005);
+  EXPECT_DOUBLE_EQ(parse_length("-m", "2.5cm"), 0.025);
+  EXPECT_DOUBLE_EQ(parse_length("-m", "1e-3m"), 0.001);
+  EXPECT_DOUBLE_EQ(parse_length("-m", "3km"), 3000);
+  // A bare number was a part of the scene's diagonal once.
+  for (const char* bad : {"", "m", "0.002", "0m", "-1m", "1 m", "1ft", "infm", "nanm", "1e999m"})
+    EXPECT_THROW(parse_length("-m", bad), CLI::ValidationError) << bad;
+}
+
 TEST(Values, CropsWithADecimalPointAreFractions) {
   const CropRegion pixels = parse_crop("--crop", "0,0,1,1");
   EXPECT_TRUE(pixels.is_pixels);

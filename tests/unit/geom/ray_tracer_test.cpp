@@ -290,5 +290,118 @@ TEST(RayTracer, ShadingNormalsAreInterpolatedOnTheGeometricSide) {
   EXPECT_NEAR((hit.shading_normal - Vec3d(-0.6, 0, 0.8)).length(), 0, 1e-6);
 }
 
+// What lies near stays as exact however far a ground or a stray triangle goes.
+TEST(RayTracer, FarGroundCostsNoDigits) {
+  const Box3d box({-0.3, -0.2, 0}, {0.4, 0.3, 0.5});
+  for (const double half : {10.0, 1e3, 1e5}) {
+    const RayTracer tracer({plane_mesh(half), box_mesh(box)});
+    EXPECT_LT(tracer.centre().length(), 1) << half;
+    RandomStream random(3);
+    for (int i = 0; i < 20'000; ++i) {
+      const Vec2d u = random.uniform2();
+      const Vec3d above(4 * u.x - 2, 4 * u.y - 2, 1e-3);
+      if (box.intersects(above)) continue;
+      const Hit hit = tracer.intersect({above, {0, 0, -1}});
+      ASSERT_TRUE(hit.is_hit());
+      ASSERT_EQ(hit.position.z, 0);
+      ASSERT_LT(hit.offset, 2e-4) << half;
+      // From there no ray upwards meets the ground again.
+      const Vec3d w = sample_cosine_hemisphere(random.uniform2());
+      const Hit next = tracer.intersect({hit.spawn(w), w});
+      ASSERT_TRUE(!next.is_hit() || next.mesh == 1) << half;
+    }
+    const Hit far = tracer.intersect({{0.7 * half, 0.3 * half, 1}, {0, 0, -1}});
+    EXPECT_NEAR(far.t, 1, 1e-9);
+    EXPECT_NEAR(far.position.x, 0.7 * half, 1e-9 * half);
+  }
+}
+
+// Cut triangles have no gaps between their parts, nor to those that are not cut.
+TEST(RayTracer, ACutTriangleIsWhole) {
+  TriangleMesh ground;
+  const double far = 3e4;
+  ground.positions = {
+      {-far, -far, 0}, {far, -far, 0}, {0.2, far, 0}, {-far, far, 0}, {far, far, 0}};
+  ground.triangles = {{0, 1, 2}, {0, 2, 3}, {1, 4, 2}};
+  const RayTracer tracer({ground, box_mesh(Box3d({-1, -1, 1}, {1, 1, 2}))});
+  RandomStream random(4);
+  for (int i = 0; i < 200'000; ++i) {
+    const Vec2d u = random.uniform2();
+    const double reach = far * std::exp(-12 * random.uniform());
+    const Vec3d from((2 * u.x - 1) * reach, (2 * u.y - 1) * reach, 0.5);
+    const Hit hit = tracer.intersect({from, {0, 0, -1}});
+    ASSERT_TRUE(hit.is_hit()) << from.x << ' ' << from.y;
+    ASSERT_NEAR(hit.position.x, from.x, 2 * hit.offset);  // Edges are kept clear of.
+  }
+}
+
+TEST(RayTracer, PointsSeeEachOtherUnlessASurfaceIsBetween) {
+  TriangleMesh wall;
+  wall.positions = {{1, -2, 0}, {1, 2, 0}, {1, 2, 3}, {1, -2, 3}};
+  wall.triangles = {{0, 1, 2}, {0, 2, 3}};
+  wall.casts_shadow = false;  // It hides all the same.
+  const RayTracer tracer({plane_mesh(5), wall, plane_mesh(0.5, 0.2)});
+  const Vec3d up(0, 0, 1);
+  EXPECT_TRUE(tracer.sees({-2, 0, 0}, up, {-1, 1, 0}, up));
+  EXPECT_FALSE(tracer.sees({0.9, 1, 0}, up, {1.1, 1, 0}, up));    // A wall without thickness.
+  EXPECT_TRUE(tracer.sees({0.9, 3, 0}, up, {1.1, 3, 0}, up));     // Beside it.
+  EXPECT_FALSE(tracer.sees({0.1, 0, 0}, up, {0.1, 0, 0.2}, up));  // A shelf over the ground.
+  EXPECT_FALSE(tracer.sees({0.1, 0, 0.2}, up, {0.4, 0, 0}, up));
+  EXPECT_TRUE(tracer.sees({0.1, 0, 0}, up, {0.4, 0, 0}, up));  // Below the shelf.
+}
+
+// Over a convex surface the straight way leads through it; the points see each other all the same.
+TEST(RayTracer, NeighboursOnASphereSeeEachOther) {
+  TriangleMesh ball;
+  constexpr int kRings = 48, kSides = 96;
+  for (int i = 0; i <= kRings; ++i)
+    for (int k = 0; k < kSides; ++k) {
+      const double theta = kPi * i / kRings, phi = 2 * kPi * k / kSides;
+      const Vec3d p(std::sin(theta) * std::cos(phi), std::sin(theta) * std::sin(phi),
+                    std::cos(theta));
+      ball.positions.push_back(p);
+      ball.normals.push_back(Vec3f(p));
+    }
+  for (std::uint32_t i = 0; i < kRings; ++i)
+    for (std::uint32_t k = 0; k < kSides; ++k) {
+      const std::uint32_t a = i * kSides + k, b = i * kSides + (k + 1) % kSides;
+      ball.triangles.push_back({a, a + kSides, b});
+      ball.triangles.push_back({b, a + kSides, b + kSides});
+    }
+  remove_bad_triangles(ball);
+  const RayTracer tracer({ball});
+  RandomStream random(5);
+  int seen = 0, asked = 0;
+  for (int i = 0; i < 5000; ++i) {
+    const Vec3d n = random_direction(random);
+    const Hit a = tracer.intersect({n * 2, -n});
+    const Frame frame(n);
+    const Vec2d u = random.uniform2();
+    const Vec3d m = (n + (frame.u * (u.x - 0.5) + frame.v * (u.y - 0.5)) * 0.8).normalized();
+    const Hit b = tracer.intersect({m * 2, -m});
+    if (!a.is_hit() || !b.is_hit()) continue;
+    ++asked;
+    seen += tracer.sees(a.position, a.shading_normal, b.position, b.shading_normal);
+  }
+  EXPECT_GT(seen, 0.98 * asked) << asked;
+}
+
+// Brute force over the part of each triangle that is above the plane.
+TEST(RayTracer, ClearanceIsTheNearestThatRises) {
+  const Vec3d up(0, 0, 1);
+  const RayTracer ground({plane_mesh(1e4)});
+  EXPECT_EQ(ground.clearance({1, 2, 0}, up), kInfinity);
+  TriangleMesh wall;
+  wall.positions = {{1, -2, -1}, {1, 2, -1}, {1, 2, 3}, {1, -2, 3}};
+  wall.triangles = {{0, 1, 2}, {0, 2, 3}};
+  const RayTracer tracer({plane_mesh(1e4), wall, plane_mesh(0.5, 0.2)});
+  EXPECT_NEAR(tracer.clearance({-3, 0, 0}, up), std::hypot(2.5, 0.2), 1e-6);
+  EXPECT_NEAR(tracer.clearance({0.1, 0.2, 0}, up), 0.2, 1e-6);  // Under the shelf.
+  EXPECT_NEAR(tracer.clearance({0.9, 1.5, 0}, up), 0.1, 1e-4);
+  EXPECT_NEAR(tracer.clearance({2.5, 0, 0}, up), 1.5, 1e-4);
+  EXPECT_NEAR(tracer.clearance({0, 0, 0}, -up), 1, 1e-6);  // Below the ground only the wall.
+  EXPECT_NEAR(tracer.clearance({50, 0, 0.1}, -up), 0.1, 1e-6);
+}
+
 }  // namespace
 }  // namespace brume

@@ -1,0 +1,153 @@
+// Records follow what is near: far ground, stray triangles and units change nothing, and what lies
+// behind a wall is never an answer.
+#include <gtest/gtest.h>
+
+#include "support/smoky_rooms.h"
+
+namespace brume {
+namespace {
+
+using test::Stage;
+
+BakeSettings settings_of(int bounces) {
+  BakeSettings s = test::coarse_settings(bounces);
+  s.max_radius = kInfinity;
+  return s;
+}
+
+// A red block and a wall on ground that goes `half` far, under a lamp.
+Scene block_on_ground(double half) {
+  Scene scene;
+  const auto grey = test::add_material(scene, test::diffuse(0.6f));
+  const auto red = test::add_material(scene, [] {
+    Material m;
+    m.albedo = Rgb(0.8f, 0.3f, 0.2f);
+    return m;
+  }());
+  test::add_rectangle(scene, {-half, -half, 0}, {2 * half, 0, 0}, {0, 2 * half, 0}, grey);
+  test::add_rectangle(scene, {-0.6, -0.5, 0}, {0, 0, 0.8}, {0, 1.2, 0}, red);
+  test::add_rectangle(scene, {-0.2, -0.2, 0}, {0.4, 0, 0}, {0, 0, 0.3}, red);
+  test::add_rectangle(scene, {0.2, -0.2, 0}, {0, 0.4, 0}, {0, 0, 0.3}, red);
+  test::add_rectangle(scene, {-0.2, 0.2, 0}, {0, -0.4, 0}, {0, 0, 0.3}, red);
+  scene.lights.emplace_back(PointLight{{0.9, -0.6, 1.4}, Rgb(3.0f)});
+  return scene;
+}
+
+BakeView view_of_block() {
+  BakeView view{"block", {}, 48, 36};
+  view.camera = {{1.4, -1.3, 0.9}, {-0.1, 0, 0.15}, {0, 0, 1}, 40};
+  return view;
+}
+
+double mean_indirect(const PixelFilm& film) {
+  double sum = 0;
+  for (int y = 0; y < film.height(); ++y)
+    for (int x = 0; x < film.width(); ++x) sum += luminance(film.at(x, y)[Layer::DiffuseIndirect]);
+  return sum / (film.width() * film.height());
+}
+
+struct Picture {
+  std::size_t records;
+  double indirect;
+};
+Picture picture_of(const Scene& scene, int bounces) {
+  const Stage stage(scene, settings_of(bounces));
+  const BakeResult baked = stage.bake(view_of_block());
+  CachedRenderOptions options;
+  options.samples = 4;
+  options.threads = 2;
+  return {baked.cache->records().size(),
+          mean_indirect(stage.render(*baked.cache, view_of_block(), options))};
+}
+
+TEST(Near, FarGroundAndStrayTrianglesChangeNothing) {
+  for (const int bounces : {1, 2}) {
+    const Picture near = picture_of(block_on_ground(10), bounces);
+    Scene stray = block_on_ground(10);
+    test::add_rectangle(stray, {5000, 0, 3}, {1, 0, 0}, {0, 1, 0}, 0);
+    for (const Scene& scene : {block_on_ground(1e3), block_on_ground(1e5), stray}) {
+      const Picture other = picture_of(scene, bounces);
+      EXPECT_NEAR(other.indirect, near.indirect, 0.02 * near.indirect) << bounces << " bounces";
+      EXPECT_NEAR(double(other.records), double(near.records), 0.2 * double(near.records))
+          << bounces << " bounces";
+    }
+  }
+}
+
+// The same room in units of two metres: what is stored differs by powers of two alone.
+TEST(Near, AnotherUnitGivesTheSameRecords) {
+  const auto in_unit = [](double unit) {
+    Scene scene = block_on_ground(10);
+    scene.unit = unit;
+    for (TriangleMesh& mesh : scene.meshes)
+      for (Vec3d& p : mesh.positions) p /= unit;
+    std::get<PointLight>(scene.lights[0]).position /= unit;
+    return scene;
+  };
+  BakeView view = view_of_block();
+  const Stage metres(in_unit(1), settings_of(2));
+  const BakeResult a = metres.bake(view);
+  view.camera.position /= 2;
+  view.camera.look_at /= 2;
+  const Stage doubled(in_unit(2), settings_of(2));
+  const BakeResult b = doubled.bake(view);
+  ASSERT_EQ(a.cache->records().size(), b.cache->records().size());
+  for (std::size_t i = 0; i < a.cache->records().size(); ++i) {
+    const SurfaceRecord &r = a.cache->records()[i], &s = b.cache->records()[i];
+    ASSERT_EQ(r.key, s.key);
+    ASSERT_EQ(r.flags, s.flags);
+    ASSERT_EQ(r.radius[0], 2 * s.radius[0]);
+    for (int k = 0; k < 3; ++k) {
+      ASSERT_EQ(r.position[k], 2 * s.position[k]);
+      ASSERT_EQ(r.irradiance[k], s.irradiance[k]);
+    }
+    for (int k = 0; k < 9; ++k) ASSERT_EQ(2 * r.gradient[k], s.gradient[k]);
+  }
+}
+
+class TwoRooms : public testing::TestWithParam<double> {
+ protected:
+  // Side by side along x, a lamp in the left one, a wall of so much thickness between.
+  static Scene scene(double thickness) {
+    Scene scene;
+    const auto white = test::add_material(scene, test::diffuse(0.8f));
+    test::add_room(scene, Box3d({-2, -1, 0}, {0, 1, 2}), white);
+    test::add_room(scene, Box3d({thickness, -1, 0}, {2 + thickness, 1, 2}), white);
+    scene.lights.emplace_back(PointLight{{-0.6, 0, 1}, Rgb(5.0f)});
+    return scene;
+  }
+  static BakeView view(double x, double to) {
+    BakeView view{"room", {}, 32, 24};
+    view.camera = {{x, 0.3, 1.2}, {to, -0.4, 0.6}, {0, 0, 1}, 80};
+    return view;
+  }
+};
+
+TEST_P(TwoRooms, NoLightComesThroughTheWall) {
+  const double wall = GetParam();
+  const Stage stage(scene(wall), settings_of(3));
+  const BakeView lit = view(-1.6, -0.2), dark = view(wall + 1.6, wall + 0.2);
+  CachedRenderOptions options;
+  options.samples = 2;
+  options.threads = 2;
+  const auto brightest = [&](const IrradianceCache& cache, Counters* counters) {
+    const PixelFilm film = stage.render(cache, dark, options, counters);
+    double most = 0;
+    for (int y = 0; y < film.height(); ++y)
+      for (int x = 0; x < film.width(); ++x)
+        most = std::max(most, luminance(film.at(x, y)[Layer::DiffuseIndirect]));
+    return most;
+  };
+  const BakeResult of_lit = stage.bake(lit);
+  EXPECT_GT(mean_indirect(stage.render(*of_lit.cache, lit, options)), 0.1);
+  Counters counters;
+  EXPECT_EQ(brightest(*of_lit.cache, &counters), 0);
+  EXPECT_EQ(counters.fallback_gathers, std::uint64_t(dark.width * dark.height * options.samples));
+  EXPECT_EQ(brightest(*stage.bake(dark).cache, nullptr), 0);
+  EXPECT_EQ(brightest(*stage.bake(dark, of_lit.cache.get()).cache, nullptr), 0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Walls, TwoRooms, testing::Values(0.0, 0.02, 0.2));
+
+}  // namespace
+}  // namespace brume
