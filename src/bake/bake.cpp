@@ -19,9 +19,10 @@
 namespace brume {
 namespace {
 
-// Waves of a view, by pixel stride: the first are global, the rest stay in their cell. They count
-// from where those over all surfaces never get to, so that each can tell how far its own kind came.
-constexpr int kCoarsestStride = 32, kFinestGlobalStride = 8;
+// Waves of a view, by stride in points of view_points(): the first are global, the rest stay in
+// their cell. They count from where those over all surfaces never get to, so that each can tell how
+// far its own kind came.
+constexpr int kCoarsestStride = 32 * kPointsPerPixel, kFinestGlobalStride = 8 * kPointsPerPixel;
 constexpr int kFirstViewWave = 128;
 // Over all surfaces, so many of the last waves stay in their cell; patches are small enough for
 // those after at most kMostWaves.
@@ -241,8 +242,9 @@ void Baker::everywhere() {
 }
 
 void Baker::add_frame(WorkUnits& work, std::uint32_t batch, const BakeView& view, int stride) {
-  for (int y = 0; y < view.height && !is_stopped(); y += kBandRows) {
-    const PixelRect band{0, y, view.width, std::min(y + kBandRows, view.height)};
+  const int width = kPointsPerPixel * view.width, height = kPointsPerPixel * view.height;
+  for (int y = 0; y < height && !is_stopped(); y += kBandRows) {
+    const PixelRect band{0, y, width, std::min(y + kBandRows, height)};
     for (const SurfacePoint& p : uncovered(view_points(world_, view, band, stride, true)))
       work.add(batch, p, p.min_radius / kFootprintPixels);
   }
@@ -252,7 +254,7 @@ void Baker::views() {
   int wave = kFirstViewWave;
   for (int stride = kCoarsestStride; stride >= kFinestGlobalStride; stride /= 2, ++wave)
     for (const BakeView& view : request_.views) {
-      const PixelRect frame{0, 0, view.width, view.height};
+      const PixelRect frame{0, 0, kPointsPerPixel * view.width, kPointsPerPixel * view.height};
       report("gather", 0.1 * (wave - kFirstViewWave));
       const Points open =
           uncovered(view_points(world_, view, frame, stride, stride < kCoarsestStride));

@@ -221,7 +221,7 @@ std::vector<SurfacePoint> thin_by_footprint(std::vector<SurfacePoint> points, do
 
 std::vector<SurfacePoint> view_points(const World& world, const BakeView& view,
                                       const PixelRect& rect, int stride, bool skip_coarser) {
-  const CameraRays camera(view.camera, view.width, view.height);
+  const CameraRays camera(view.camera, kPointsPerPixel * view.width, kPointsPerPixel * view.height);
   std::vector<Ray> rays;
   for (int y = rect.y0; y < rect.y1; y += stride)
     for (int x = rect.x0; x < rect.x1; x += stride) {
@@ -233,7 +233,7 @@ std::vector<SurfacePoint> view_points(const World& world, const BakeView& view,
   std::vector<SurfacePoint> points;
   for (std::size_t i = 0; i < rays.size(); ++i) {
     if (!hits[i].is_hit() || is_black(world.material(hits[i]).albedo)) continue;
-    const double footprint = kFootprintPixels * camera.pixel_angle() * hits[i].t;
+    const double footprint = kFootprintPixels * kPointsPerPixel * camera.pixel_angle() * hits[i].t;
     points.push_back(point_of(hits[i], hits[i].normal.dot(rays[i].direction) < 0, footprint));
   }
   return points;

@@ -61,8 +61,9 @@ std::vector<SurfacePoint> thin(const std::vector<SurfacePoint>& points, double d
 // first.
 std::vector<SurfacePoint> thin_by_footprint(std::vector<SurfacePoint> points, double part);
 
-// What the pixel centres (x0 + i stride, y0 + j stride) inside a rectangle see, without those that
-// also lie on the lattice of twice the stride when `skip_coarser`.
+// What the points (x0 + i stride, y0 + j stride) inside a rectangle see, without those that also
+// lie on the lattice of twice the stride when `skip_coarser`. There are kPointsPerPixel along each
+// edge of a pixel.
 struct PixelRect {
   int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
 };

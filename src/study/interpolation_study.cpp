@@ -54,9 +54,11 @@ InterpolationStudy study_interpolation(const StudyScene& scene, const Irradiance
   InterpolationStudy study;
   const double pixels = double(options.view.width) * options.view.height;
   const int stride =
+      kPointsPerPixel *
       std::max(options.least_stride, static_cast<int>(std::sqrt(pixels / options.points)));
   // Off the lattice of pixels where most records lie.
-  const PixelRect frame{stride / 2, stride / 2, options.view.width, options.view.height};
+  const PixelRect frame{stride / 2, stride / 2, kPointsPerPixel * options.view.width,
+                        kPointsPerPixel * options.view.height};
 
   std::vector<SurfacePoint> points;
   for (const SurfacePoint& p : view_points(scene.world(), options.view, frame, stride, false))
@@ -70,9 +72,9 @@ InterpolationStudy study_interpolation(const StudyScene& scene, const Irradiance
     for (std::size_t i = 0; i < points.size(); ++i)
       at.push_back({points[i].position, points[i].normal, points[i].offset,
                     random_key(options.seed, std::uint64_t{0x696e746572}, half, i)});
-    references[half] =
-        gather_points(scene, gather, light_below(cache, scene.settings(), scene.world(), run.threads), at,
-                      "converged irradiance", run);
+    references[half] = gather_points(
+        scene, gather, light_below(cache, scene.settings(), scene.world(), run.threads), at,
+        "converged irradiance", run);
   }
   NoiseFreeError own;
   for (std::size_t i = 0; i < points.size(); ++i) {
