@@ -29,6 +29,8 @@ constexpr double kFinestPart = 1.0 / 4;
 // the nearest records in sight answer from farther away. Light in a clutter of small things reaches
 // few others, and would take most records (docs/decisions/0010).
 constexpr double kOpenPart = 0.015;
+// In finest footprints: what is wider counts as wide as that, or far ground would count for all.
+constexpr double kWidestPart = 32;
 constexpr std::size_t kMostRecords = 40000, kLeastWave = 1000;
 constexpr int kLampRays = 256, kMostLamps = 64, kLampSamples = 8;
 // Of a stratum, that stand for the medium along it. A row has hundreds of strata, so that more
@@ -89,8 +91,9 @@ class DeepBake {
   bool bake_wave(const Points& points);
   // What an earlier run's first gather found at a record that is placed.
   bool find_first(SurfaceRecord& record, DeepRow& row) const;
+  // That the points stand for.
+  double area_of(const Points& points) const;
   // Hits of the reflecting strata of a gather at `receiver`.
-  static double area_of(const Points& points);
   Points hits(const Vec3d& receiver, const DeepRow& row) const;
   // With positions and offsets as their surface has them.
   Points on_surfaces(Points points) const;
@@ -231,10 +234,13 @@ DeepBake::Points DeepBake::on_surfaces(Points points) const {
   return points;
 }
 
-// That the points stand for.
-double DeepBake::area_of(const Points& points) {
+double DeepBake::area_of(const Points& points) const {
+  const double widest = finest_ > 0 ? kWidestPart * finest_ : kInfinity;
   double sum = 0;
-  for (const SurfacePoint& p : points) sum += p.min_radius * p.min_radius;
+  for (const SurfacePoint& p : points) {
+    const double width = std::min(p.min_radius, widest);
+    sum += width * width;
+  }
   return sum;
 }
 
