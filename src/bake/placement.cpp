@@ -64,35 +64,36 @@ double SurfacePatches::largest() const {
 
 void SurfacePatches::split(double spacing, int threads,
                            const std::function<bool(const SurfacePoint&)>& is_covered) {
-  std::vector<Patch> todo = std::move(open_);
+  std::vector<Patch> undecided = std::move(open_);
   open_.clear();
-  while (!todo.empty()) {
-    std::vector<std::uint8_t> is_done(todo.size());
-    parallel_for(threads, todo.size(), 64, [&](std::size_t i) {
+  while (!undecided.empty()) {
+    std::vector<std::uint8_t> is_done(undecided.size());
+    parallel_for(threads, undecided.size(), 64, [&](std::size_t i) {
       constexpr double kInside = 0.1;  // Off the corners, where other surfaces meet this one.
       static const Vec2d kTested[] = {{1 / 3.0, 1 / 3.0},
                                       {kInside / 2, kInside / 2},
                                       {1 - kInside, kInside / 2},
                                       {kInside / 2, 1 - kInside}};
-      is_done[i] = std::all_of(std::begin(kTested), std::end(kTested),
-                               [&](const Vec2d& at) { return is_covered(point(todo[i], at)); });
+      is_done[i] = std::all_of(std::begin(kTested), std::end(kTested), [&](const Vec2d& at) {
+        return is_covered(point(undecided[i], at));
+      });
     });
     std::vector<Patch> halves;
-    for (std::size_t i = 0; i < todo.size(); ++i) {
+    for (std::size_t i = 0; i < undecided.size(); ++i) {
       if (is_done[i]) continue;
       int edge = 0;
-      if (size2(todo[i], &edge) <= spacing * spacing) {
-        open_.push_back(todo[i]);
+      if (size2(undecided[i], &edge) <= spacing * spacing) {
+        open_.push_back(undecided[i]);
         continue;
       }
       const auto first = static_cast<std::size_t>(edge), next = (first + 1) % 3;
-      const Vec2d middle = (todo[i].corners[first] + todo[i].corners[next]) * 0.5;
+      const Vec2d middle = (undecided[i].corners[first] + undecided[i].corners[next]) * 0.5;
       for (const std::size_t moved : {first, next}) {
-        halves.push_back(todo[i]);
+        halves.push_back(undecided[i]);
         halves.back().corners[moved] = middle;
       }
     }
-    todo = std::move(halves);
+    undecided = std::move(halves);
   }
 }
 

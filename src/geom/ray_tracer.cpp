@@ -184,6 +184,9 @@ struct RayTracer::Impl {
     return r;
   }
 
+  // Whether anything of the scene `by` lies on the ray.
+  static bool is_cut_off(RTCScene by, const FloatRay& ray);
+
   double shadow_end(const ShadowRay& ray) const {
     if (!std::isfinite(ray.t_end)) return ray.t_end;
     const Vec3d end = ray.origin + ray.direction * ray.t_end;
@@ -480,17 +483,21 @@ void RayTracer::intersect(std::span<const Ray> rays, std::span<Hit> hits) const 
   }
 }
 
+bool RayTracer::Impl::is_cut_off(RTCScene by, const FloatRay& ray) {
+  if (!ray.is_valid) return false;
+  RTCRay r{};
+  r.org_x = ray.origin[0], r.org_y = ray.origin[1], r.org_z = ray.origin[2];
+  r.dir_x = ray.direction[0], r.dir_y = ray.direction[1], r.dir_z = ray.direction[2];
+  r.tfar = ray.t_far;
+  r.mask = ~0u;
+  occluded1(by, r);
+  return r.tfar < 0;
+}
+
 bool RayTracer::is_occluded(const ShadowRay& ray) const {
   if (!impl_->scene) return false;
-  const Impl::FloatRay f = impl_->to_float(ray.origin, ray.direction, impl_->shadow_end(ray));
-  if (!f.is_valid) return false;
-  RTCRay r{};
-  r.org_x = f.origin[0], r.org_y = f.origin[1], r.org_z = f.origin[2];
-  r.dir_x = f.direction[0], r.dir_y = f.direction[1], r.dir_z = f.direction[2];
-  r.tfar = f.t_far;
-  r.mask = ~0u;
-  occluded1(impl_->shadows(), r);
-  return r.tfar < 0;
+  return Impl::is_cut_off(impl_->shadows(),
+                          impl_->to_float(ray.origin, ray.direction, impl_->shadow_end(ray)));
 }
 
 void RayTracer::is_occluded(std::span<const ShadowRay> rays,
@@ -523,16 +530,8 @@ bool RayTracer::sees(const Vec3d& a, const Vec3d& na, const Vec3d& b, const Vec3
   const auto is_clear = [this](const Vec3d& from, const Vec3d& to) {
     const Vec3d way = to - from;
     const double length = way.length();
-    if (!(length > 0)) return true;
-    const Impl::FloatRay f = impl_->to_float(from, way / length, length);
-    if (!f.is_valid) return true;
-    RTCRay r{};
-    r.org_x = f.origin[0], r.org_y = f.origin[1], r.org_z = f.origin[2];
-    r.dir_x = f.direction[0], r.dir_y = f.direction[1], r.dir_z = f.direction[2];
-    r.tfar = f.t_far;
-    r.mask = ~0u;
-    occluded1(impl_->scene.get(), r);
-    return !(r.tfar < 0);
+    return !(length > 0) ||
+           !Impl::is_cut_off(impl_->scene.get(), impl_->to_float(from, way / length, length));
   };
   // A crease between two planes lies at most half as far above the straight way as the points lie
   // below each other's planes.
