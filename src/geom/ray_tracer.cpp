@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "core/error.h"
+#include "geom/triangle_pieces.h"
 
 namespace brume {
 namespace {
@@ -79,12 +80,6 @@ void keep_first_error(void* user, RTCError code, const char* text) {
   first.text = text ? text : "";
 }
 
-// Triangles whose edges are longer than this many distances from the centre are cut for Embree, but
-// none below so many times the median distance of all corners. Any piece that holds p has its
-// corners within kMostReach of the larger of both then: of three edges around a point one is at
-// least 3.4 times as long as its distance from it.
-constexpr double kLongestEdge = 1, kShortestCut = 4, kMostReach = 9;
-
 double max_abs(const Vec3d& v) {
   return std::max(std::abs(v.x), std::max(std::abs(v.y), std::abs(v.z)));
 }
@@ -125,30 +120,21 @@ using GeometryHandle = Handle<RTCGeometry, rtcReleaseGeometry>;
 struct RayTracer::Impl {
   std::vector<TriangleMesh> meshes;
   Box3d bounds;
-  Vec3d centre{0.0};
+  CornerSpread spread;
   double scale = 1;  // World to Embree's units.
   Box3d clip_box;    // World space; a little more than `bounds`.
   FirstError error;  // Before the device, which may report into it until it is released.
   DeviceHandle device;
   SceneHandle scene, shadow_scene;  // The second only where some mesh casts no shadow.
 
-  double typical = 0;  // Distance of corners from the centre: their median, times kShortestCut.
   // What Embree's triangles of a mesh are parts of; empty where none of them was cut.
-  struct Piece {
-    std::uint32_t triangle;
-    std::array<Vec2d, 3> corners;  // In the triangle's barycentrics.
-  };
-  std::vector<std::vector<Piece>> pieces;
+  std::vector<std::vector<TrianglePiece>> pieces;
 
   // How far around p float digits are those of larger numbers: no farther than `most`.
   double reach(const Vec3d& p, double most) const {
-    return std::min(most, kMostReach * std::max(typical, max_abs(p - centre)));
+    return std::min(most, kMostReach * std::max(spread.shortest_cut, max_abs(p - spread.centre)));
   }
   double offset(const Vec3d& p, double most) const { return kOffsetUlps * kUlp * reach(p, most); }
-  void find_centre();
-  bool is_long(const Vec3d& a, const Vec3d& b) const;
-  void cut(const Vec3d (&corner)[3], const Piece& whole, std::vector<Piece>& to) const;
-  std::vector<Piece> cut(const TriangleMesh& mesh) const;
 
   RTCScene shadows() const { return shadow_scene ? shadow_scene.get() : scene.get(); }
 
@@ -174,7 +160,7 @@ struct RayTracer::Impl {
       for (int a = 0; a < 3; ++a) start[a] = std::clamp(start[a], clip_box.min[a], clip_box.max[a]);
     }
     for (int a = 0; a < 3; ++a) {
-      r.origin[a] = static_cast<float>((start[a] - centre[a]) * scale);
+      r.origin[a] = static_cast<float>((start[a] - spread.centre[a]) * scale);
       r.direction[a] = static_cast<float>(d[a]);
     }
     // Eight is beyond any part of the scene from any start inside its box, and endless rays stay
@@ -213,7 +199,8 @@ Hit RayTracer::Impl::hit_at(std::uint32_t mesh_index, std::uint32_t triangle, do
   hit.triangle = triangle;
   hit.material = mesh.materials.empty() ? 0 : mesh.materials[triangle];
   hit.normal = cross / area;
-  const double corners = std::max({max_abs(a - centre), max_abs(b - centre), max_abs(c - centre)});
+  const double corners = std::max(
+      {max_abs(a - spread.centre), max_abs(b - spread.centre), max_abs(c - spread.centre)});
   hit.offset = offset(a + e1 * b1 + e2 * b2, corners);
 
   // A point within `offset` of an edge is moved in from it: where another wall meets this one
@@ -248,7 +235,7 @@ Hit RayTracer::Impl::hit_at(std::uint32_t mesh_index, std::uint32_t triangle, do
 Hit RayTracer::Impl::rebuild(const Ray& ray, double t_end, std::uint32_t mesh_index,
                              std::uint32_t triangle, double u, double v) const {
   if (!pieces[mesh_index].empty()) {
-    const Piece& piece = pieces[mesh_index][triangle];
+    const TrianglePiece& piece = pieces[mesh_index][triangle];
     const Vec2d at = piece.corners[0] + (piece.corners[1] - piece.corners[0]) * u +
                      (piece.corners[2] - piece.corners[0]) * v;
     triangle = piece.triangle;
@@ -277,72 +264,6 @@ Hit RayTracer::Impl::rebuild(const Ray& ray, double t_end, std::uint32_t mesh_in
   return hit;
 }
 
-void RayTracer::Impl::find_centre() {
-  std::vector<double> values;
-  const auto median_of = [&](const auto& value) {
-    values.clear();
-    for (const TriangleMesh& mesh : meshes)
-      for (const auto& triangle : mesh.triangles)
-        for (const std::uint32_t i : triangle) values.push_back(value(mesh.positions[i]));
-    // Of an even number the middle of two, so that one rectangle has its own.
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    if (values.size() % 2 == 1) return *middle;
-    return (*middle + *std::max_element(values.begin(), middle)) / 2;
-  };
-  for (int a = 0; a < 3; ++a) centre[a] = median_of([a](const Vec3d& p) { return p[a]; });
-  typical = kShortestCut * median_of([this](const Vec3d& p) { return max_abs(p - centre); });
-}
-
-// Of an edge alone, so that both triangles at it are cut alike and no ray passes between them.
-bool RayTracer::Impl::is_long(const Vec3d& a, const Vec3d& b) const {
-  const Vec3d edge = b - a;
-  const double length2 = edge.length2();
-  if (!(length2 > typical * typical)) return false;
-  const Vec3d nearest = a + edge * std::clamp((centre - a).dot(edge) / length2, 0.0, 1.0);
-  return length2 > kLongestEdge * kLongestEdge * (nearest - centre).length2();
-}
-
-void RayTracer::Impl::cut(const Vec3d (&corner)[3], const Piece& whole,
-                          std::vector<Piece>& to) const {
-  int longest = -1;
-  double most = 0;
-  for (int i = 0; i < 3; ++i) {
-    const Vec3d &a = corner[i], &b = corner[(i + 1) % 3];
-    const double length2 = (b - a).length2();
-    if (length2 > most && is_long(a, b)) {
-      most = length2;
-      longest = i;
-    }
-  }
-  if (longest < 0) {
-    to.push_back(whole);
-    return;
-  }
-  const int next = (longest + 1) % 3;
-  const Vec3d middle = (corner[longest] + corner[next]) * 0.5;
-  const Vec2d at = (whole.corners[longest] + whole.corners[next]) * 0.5;
-  for (const int moved : {longest, next}) {
-    Vec3d part[3] = {corner[0], corner[1], corner[2]};
-    Piece piece = whole;
-    part[moved] = middle;
-    piece.corners[static_cast<std::size_t>(moved)] = at;
-    cut(part, piece, to);
-  }
-}
-
-std::vector<RayTracer::Impl::Piece> RayTracer::Impl::cut(const TriangleMesh& mesh) const {
-  std::vector<Piece> all;
-  if (!(typical > 0)) return all;
-  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
-    const auto& i = mesh.triangles[t];
-    const Vec3d corner[3] = {mesh.positions[i[0]], mesh.positions[i[1]], mesh.positions[i[2]]};
-    cut(corner, {t, {Vec2d(0.0, 0.0), Vec2d(1.0, 0.0), Vec2d(0.0, 1.0)}}, all);
-  }
-  if (all.size() == mesh.triangles.size()) all.clear();
-  return all;
-}
-
 RayTracer::RayTracer(std::vector<TriangleMesh> meshes) : impl_(std::make_unique<Impl>()) {
   Impl& impl = *impl_;
   impl.meshes = std::move(meshes);
@@ -351,9 +272,9 @@ RayTracer::RayTracer(std::vector<TriangleMesh> meshes) : impl_(std::make_unique<
       for (const std::uint32_t i : triangle) impl.bounds.extendBy(mesh.positions[i]);
   impl.pieces.resize(impl.meshes.size());
   if (impl.bounds.isEmpty()) return;
-  impl.find_centre();
-  impl.scale = unit_scale(
-      std::max(max_abs(impl.bounds.max - impl.centre), max_abs(impl.bounds.min - impl.centre)));
+  impl.spread = corner_spread(impl.meshes);
+  impl.scale = unit_scale(std::max(max_abs(impl.bounds.max - impl.spread.centre),
+                                   max_abs(impl.bounds.min - impl.spread.centre)));
   impl.clip_box = impl.bounds;
   const Vec3d margin(64 * kOffsetUlps * kUlp / impl.scale);  // Of the largest float there is.
   impl.clip_box.min -= margin;
@@ -382,8 +303,8 @@ RayTracer::RayTracer(std::vector<TriangleMesh> meshes) : impl_(std::make_unique<
     for (std::size_t m = 0; m < impl.meshes.size(); ++m) {
       const TriangleMesh& mesh = impl.meshes[m];
       if (mesh.triangles.empty()) continue;
-      std::vector<Impl::Piece>& pieces = impl.pieces[m];
-      pieces = impl.cut(mesh);
+      std::vector<TrianglePiece>& pieces = impl.pieces[m];
+      pieces = cut_large_triangles(mesh, impl.spread);
       const std::size_t cut_corners = pieces.empty() ? mesh.positions.size() : 3 * pieces.size();
       const std::size_t triangles = pieces.empty() ? mesh.triangles.size() : pieces.size();
       GeometryHandle geometry(rtcNewGeometry(impl.device.get(), RTC_GEOMETRY_TYPE_TRIANGLE));
@@ -395,7 +316,7 @@ RayTracer::RayTracer(std::vector<TriangleMesh> meshes) : impl_(std::make_unique<
                                   3 * sizeof(std::uint32_t), triangles));
       if (!vertices || !indices) break;  // The error function has the reason.
       const auto add_vertex = [&](const Vec3d& p) {
-        const Vec3d q = is_finite(p) ? (p - impl.centre) * impl.scale : Vec3d(0.0);
+        const Vec3d q = is_finite(p) ? (p - impl.spread.centre) * impl.scale : Vec3d(0.0);
         for (int a = 0; a < 3; ++a) *vertices++ = static_cast<float>(std::clamp(q[a], -2.0, 2.0));
       };
       if (pieces.empty()) {
@@ -403,7 +324,7 @@ RayTracer::RayTracer(std::vector<TriangleMesh> meshes) : impl_(std::make_unique<
         for (const auto& triangle : mesh.triangles)
           for (const std::uint32_t i : triangle) *indices++ = i;
       }
-      for (const Impl::Piece& piece : pieces) {
+      for (const TrianglePiece& piece : pieces) {
         const auto& i = mesh.triangles[piece.triangle];
         const Vec3d &a = mesh.positions[i[0]], &b = mesh.positions[i[1]], &c = mesh.positions[i[2]];
         for (const Vec2d& at : piece.corners) add_vertex(a + (b - a) * at.x + (c - a) * at.y);
@@ -430,7 +351,7 @@ RayTracer::RayTracer(RayTracer&&) noexcept = default;
 
 const std::vector<TriangleMesh>& RayTracer::meshes() const { return impl_->meshes; }
 const Box3d& RayTracer::bounds() const { return impl_->bounds; }
-const Vec3d& RayTracer::centre() const { return impl_->centre; }
+const Vec3d& RayTracer::centre() const { return impl_->spread.centre; }
 double RayTracer::offset_at(const Vec3d& p) const { return impl_->offset(p, 1 / impl_->scale); }
 
 std::string RayTracer::library_version() { return "Embree " RTC_VERSION_STRING; }
@@ -561,47 +482,18 @@ double RayTracer::clearance(const Vec3d& p, const Vec3d& n) const {
       const auto& i = mesh.triangles[pieces.empty() ? args->primID : pieces[args->primID].triangle];
       const Vec3d corner[3] = {mesh.positions[i[0]] - s.p, mesh.positions[i[1]] - s.p,
                                mesh.positions[i[2]] - s.p};
-      const double found2 = s.distance2(corner);
+      const double found2 = distance2_above(corner, s.n, s.above);
       if (!(found2 < s.nearest2)) return false;
       s.nearest2 = found2;
       args->query->radius = static_cast<float>(std::sqrt(found2) * s.impl.scale * 1.0001);
       return true;
     }
-
-    // To the part of a triangle that rises above the plane.
-    double distance2(const Vec3d (&corner)[3]) const {
-      Vec3d part[4];
-      int count = 0;
-      for (int k = 0; k < 3; ++k) {
-        const Vec3d &a = corner[k], &b = corner[(k + 1) % 3];
-        const double ha = n.dot(a) - above, hb = n.dot(b) - above;
-        if (ha > 0) part[count++] = a;
-        if ((ha > 0) != (hb > 0)) part[count++] = a + (b - a) * (ha / (ha - hb));
-      }
-      if (count < 3) return kInfinity;
-      double least2 = kInfinity;
-      for (int k = 0; k < count; ++k) {
-        const Vec3d &a = part[k], edge = part[(k + 1) % count] - a;
-        const double length2 = edge.length2();
-        const double at = length2 > 0 ? std::clamp(-a.dot(edge) / length2, 0.0, 1.0) : 0;
-        least2 = std::min(least2, (a + edge * at).length2());
-      }
-      // Nearer than its edges only where p lies over it.
-      const Vec3d cross = (corner[1] - corner[0]).cross(corner[2] - corner[0]);
-      const double area2 = cross.length2();
-      if (!(area2 > 0)) return least2;
-      const Vec3d foot = cross * (cross.dot(corner[0]) / area2);
-      if (!(n.dot(foot) > above)) return least2;
-      for (int k = 0; k < 3; ++k)
-        if ((corner[(k + 1) % 3] - corner[k]).cross(foot - corner[k]).dot(cross) < 0) return least2;
-      return std::min(least2, foot.length2());
-    }
   };
   Search search{*impl_, p, n, 2 * offset_at(p)};
   RTCPointQuery query{};
-  query.x = static_cast<float>((p.x - impl_->centre.x) * impl_->scale);
-  query.y = static_cast<float>((p.y - impl_->centre.y) * impl_->scale);
-  query.z = static_cast<float>((p.z - impl_->centre.z) * impl_->scale);
+  query.x = static_cast<float>((p.x - impl_->spread.centre.x) * impl_->scale);
+  query.y = static_cast<float>((p.y - impl_->spread.centre.y) * impl_->scale);
+  query.z = static_cast<float>((p.z - impl_->spread.centre.z) * impl_->scale);
   query.radius = std::numeric_limits<float>::infinity();
   RTCPointQueryContext context;
   rtcInitPointQueryContext(&context);
