@@ -9,6 +9,7 @@
 #include "cli/values.h"
 #include "core/error.h"
 #include "core/staged_file.h"
+#include "study/record_errors.h"
 #include "study/verify.h"
 
 namespace brume {
@@ -22,6 +23,7 @@ struct VerifyCommandOptions {
   std::optional<std::uint64_t> seed;
   std::optional<double> max_rmse;
   std::optional<int> worst_points;
+  std::optional<int> records;
   bool is_saved = false;
 };
 
@@ -71,6 +73,33 @@ void print_verification(std::ostream& out, const Verification& v) {
   print_table(out, rows);
 }
 
+Json record_errors_json(const RecordErrors& e) {
+  Json all = Json::object();
+  all["records"] = e.records;
+  all["mean"] = e.mean;
+  all["median"] = e.median;
+  all["p99"] = e.p99;
+  all["worst"] = e.worst;
+  all["worst_position"] = json_of(e.worst_position);
+  all["worst_value"] = e.worst_value;
+  all["worst_truth"] = e.worst_truth;
+  all["calibration"] = e.calibration;
+  all["truth_error"] = e.truth_error;
+  return all;
+}
+
+void print_record_errors(std::ostream& out, const RecordErrors& e) {
+  const auto percent = [](double part) { return shown_number(100 * part) + " %"; };
+  print_table(out, {{"records", std::to_string(e.records)},
+                    {"median error", percent(e.median)},
+                    {"99th percentile", percent(e.p99)},
+                    {"worst", percent(e.worst)},
+                    {"worst value", shown_number(e.worst_value)},
+                    {"its truth", shown_number(e.worst_truth)},
+                    {"error over its estimate", shown_number(e.calibration)},
+                    {"error of the truths", percent(e.truth_error)}});
+}
+
 // C.irc.verify.json: the result with what it holds for.
 void save(const VerifyCommandOptions& options, const VerifyOptions& used, const OpenedCache& opened,
           const Verification& v) {
@@ -99,6 +128,20 @@ int verify(const VerifyCommandOptions& options, const CommandContext& context) {
   const Lighting lighting = statistics.timed(
       "lighting", [&] { return Lighting(world, lighting_options(opened.settings, context)); });
 
+  if (options.records) {
+    RecordErrorOptions record_options;
+    record_options.records = *options.records;
+    if (options.seed) record_options.seed = *options.seed;
+    record_options.threads = context.threads;
+    const RecordErrors errors = statistics.timed("verify", [&] {
+      return measure_record_errors(lighting, opened.settings, opened.cache, record_options);
+    });
+    if (context.json)
+      print_json(context, record_errors_json(errors));
+    else
+      print_record_errors(context.out, errors);
+    return 0;
+  }
   VerifyOptions verify_options;
   if (options.points) verify_options.points = *options.points;
   if (options.cells) {
@@ -164,6 +207,9 @@ void add_verify_command(CLI::App& app, CommandContext& context) {
       ->group("Verification");
   add_integer(*verb, "--worst", options->worst_points, 0, 1'000'000,
               "How many of the worst points are listed (default 5)")
+      ->group("Verification");
+  add_integer(*verb, "--records", options->records, 1, 10'000'000,
+              "Instead: so many records against many gathers at their places")
       ->group("Verification");
   verb->add_flag("--save", options->is_saved,
                  "Also writes the result beside the cache, as CACHE.verify.json")

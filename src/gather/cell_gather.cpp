@@ -25,6 +25,7 @@ CellGather::CellGather(const Lighting& lighting, const Effects& effects,
       marcher_(world_.medium(), march_options()),
       surfaces_(lighting, is_full()),
       medium_(lighting, effects, is_full()),
+      lamp_rays_(world_, effects),
       cells_(options.cell_count(), domain) {
   const auto& volumes = world_.medium().volumes();
   for (std::size_t v = 0; v < volumes.size(); ++v)
@@ -52,8 +53,8 @@ void CellGather::gather(const Vec3d& origin, const Frame& base, std::uint64_t ke
   strata_.strata.clear();
   strata_.points.clear();
   strata_.spread = cells_.spread();
-  for (int c = 0; c < n; ++c)
-    cell_[c].w = frame_.to_world(cells_.direction(c, shift)).normalized();
+  for (int c = 0; c < n; ++c) cell_[c].w = frame_.to_world(cells_.direction(c, shift)).normalized();
+  lamp_rays_.draw(origin_, frame_, cells_, stream(-2, 0));
   trace(light, counters);
   find_walls();
   boundaries_.clear();
@@ -61,20 +62,24 @@ void CellGather::gather(const Vec3d& origin, const Frame& base, std::uint64_t ke
   sigma_here_ = effects_.medium ? world_.medium().sigma_t_at(origin_) : RgbD();
   for (int c = 0; c < n; ++c) {
     if (boundaries_.empty())
-      add_surface(c);
+      add_surface(c, RgbD(1));
     else
       march_cell(c, counters);
   }
+  if (boundaries_.empty()) return;
+  for (std::size_t i = 0; i < lamp_rays_.rays().size(); ++i)
+    march_lamp_ray(static_cast<int>(i), counters);
 }
 
 // Pass 1: what each cell sees, and what surfaces send along it.
 void CellGather::trace(const HitLight& light, Counters& counters) {
   const int n = cells_.count();
-  rays_.resize(n);
-  hits_.resize(n);
-  for (int c = 0; c < n; ++c) rays_[c] = ray_of(cell_[c]);
+  rays_.clear();
+  for (int c = 0; c < n; ++c) rays_.push_back(ray_of(cell_[c]));
+  for (const LampRay& ray : lamp_rays_.rays()) rays_.push_back({origin_, ray.direction});
+  hits_.resize(rays_.size());
   world_.tracer().intersect(rays_, hits_);
-  counters.rays += n;
+  counters.rays += rays_.size();
 
   surfaces_.begin(n);
   for (int c = 0; c < n; ++c) {
@@ -154,63 +159,66 @@ void CellGather::draw_jitter(int c) {
   }
 }
 
-// Pass 2 for one cell: march it, and add what its shells send.
-void CellGather::march_cell(int c, Counters& counters) {
-  const Ray ray = ray_of(cell_[c]);
-  const DirectionCell& around = cells_.cell(c);
-  CellLight& light = light_[c];
-  RandomStream random = stream(c, 2);
-  draw_jitter(c);
+void CellGather::march(const Ray& ray, double end, int jitter, Counters& counters) {
+  draw_jitter(jitter);
   MarchCounters march;
-  marcher_.march(ray, boundaries_, cell_[c].s, jitter_, is_full() && effects_.heterogeneous, march);
+  marcher_.march(ray, boundaries_, end, jitter_, is_full() && effects_.heterogeneous, march);
   counters.march_rays += march.rays;
   counters.segments += march.segments;
-  const int n = marcher_.shell_count();
-  const RgbD reaching = exp_neg(marcher_.tau(n));
-  light.surface = surfaces_.radiance(c) * reaching;
-  light.emitted = surfaces_.emitted(c) * reaching;
-  if (options_.medium_points >= 0) {
-    keep_medium_points(c);
-    keep_stratum(c, reaching);
-  }
+}
 
+// Pass 2 for one cell: march it, and add what its shells and its surface send.
+void CellGather::march_cell(int c, Counters& counters) {
+  const Ray ray = ray_of(cell_[c]);
+  march(ray, cell_[c].s, c, counters);
+  if (options_.medium_points >= 0) keep_medium_points(c);
+  add_surface(c, exp_neg(marcher_.tau(marcher_.shell_count())));
+  const double weight = cells_.domain() == DirectionDomain::Sphere ? 1 : cell_[c].w.dot(frame_.n);
+  add_medium(c, ray, cell_[c].s, lamp_rays_.share(cells_, c, cell_[c].w, weight), stream(c, 2),
+             counters);
+}
+
+void CellGather::march_lamp_ray(int i, Counters& counters) {
+  const LampRay& lamp_ray = lamp_rays_.rays()[static_cast<std::size_t>(i)];
+  const int slot = cells_.count() + i;
+  const double end = hits_[static_cast<std::size_t>(slot)].t;
+  const Ray ray{origin_, lamp_ray.direction};
+  march(ray, end, slot, counters);
+  add_medium(lamp_ray.cell, ray, end, lamp_ray.share, stream(slot, 2), counters);
+}
+
+// What the shells of the ray that was just marched send, as a share of the cell's light.
+void CellGather::add_medium(int c, const Ray& ray, double end, double share, RandomStream random,
+                            Counters& counters) {
+  if (!has_source() && !effects_.emission) return;
+  CellLight& light = light_[c];
+  const int n = marcher_.shell_count();
   shell_sums_.begin(n);
   RgbGradient directional;
-  if (has_source() || effects_.emission) {
-    const auto& shells =
-        medium_.shells(marcher_, ray, boundaries_, cell_[c].s, jitter_, random, counters);
-    for (int i = 0; i < n; ++i) {
-      const RgbD f = shells[i].total();
-      const double inverse_t = 2 / (boundaries_[i] + std::min(boundaries_[i + 1], cell_[c].s));
-      shell_sums_.add(f, inverse_t);
-      if (!is_full() || is_black(f)) continue;
-      for (Bend& bend : bends_)
-        bend.add(f * 0.5, bend_integral(bend.volume, i, inverse_t) +
-                              bend_integral(bend.volume, i + 1, inverse_t));
-      if (effects_.anisotropic) directional += shells[i].directional * inverse_t;
-    }
-    light.media = shell_sums_.light();
-    light.over_distance = luminance(shell_sums_.light_over_distance());
+  const auto& shells = medium_.shells(marcher_, ray, boundaries_, end, jitter_, random, counters);
+  for (int i = 0; i < n; ++i) {
+    const RgbD f = shells[i].total() * share;
+    const double inverse_t = 2 / (boundaries_[i] + std::min(boundaries_[i + 1], end));
+    shell_sums_.add(f, inverse_t);
+    if (!is_full() || is_black(f)) continue;
+    for (Bend& bend : bends_)
+      bend.add(f * 0.5, bend_integral(bend.volume, i, inverse_t) +
+                            bend_integral(bend.volume, i + 1, inverse_t));
+    if (effects_.anisotropic) directional += shells[i].directional * (inverse_t * share);
   }
-  if (!is_black(light.surface)) light.over_distance += luminance(light.surface) / cell_[c].s;
-  if (!is_full() || is_black(light.total())) return;
+  if (is_black(shell_sums_.light())) return;
+  light.media += shell_sums_.light();
+  light.over_distance += luminance(shell_sums_.light_over_distance());
+  if (!is_full()) return;
+  const DirectionCell& around = cells_.cell(c);
   for (int side = around.first_side; side < around.end_side; ++side)
-    phi_[side] =
-        shell_sums_.over_distance_up_to(inverse_r_[side]) + light.surface * inverse_r_[side];
+    phi_[side] += shell_sums_.over_distance_up_to(inverse_r_[side]);
   for (Bend& bend : bends_) {
-    if (!is_black(light.surface))
-      bend.add(light.surface, bend_integral(bend.volume, n, 1 / cell_[c].s));
     light.grad_sigma -=
-        perpendicular(bend.in_world(world_.medium().volumes()[bend.volume]), cell_[c].w);
+        perpendicular(bend.in_world(world_.medium().volumes()[bend.volume]), ray.direction);
     bend.sum = {};
   }
-  if (surfaces_.has_derivatives()) {
-    RgbGradient d = surfaces_.direction_derivative(c);
-    for (int ch = 0; ch < 3; ++ch) d[ch] *= reaching[ch] / cell_[c].s;
-    directional -= d;
-  }
-  if (effects_.anisotropic || surfaces_.has_derivatives())
-    light.directional = perpendicular(directional, cell_[c].w);
+  if (effects_.anisotropic) light.directional += perpendicular(directional, ray.direction);
 }
 
 // I0 - I1/t of a volume's density up to where `shell` begins, for a ray that ends at t.
@@ -218,27 +226,35 @@ Vec3d CellGather::bend_integral(int volume, int shell, double inverse_t) const {
   return marcher_.grad_integral(volume, shell) - marcher_.grad_moment(volume, shell) * inverse_t;
 }
 
-// The same for a cell without medium.
-void CellGather::add_surface(int c) {
+// What a cell's surface sends through the medium that was just marched, if any.
+void CellGather::add_surface(int c, const RgbD& transmittance) {
   CellLight& light = light_[c];
-  light.surface = surfaces_.radiance(c);
-  light.emitted = surfaces_.emitted(c);
-  if (options_.medium_points >= 0) keep_stratum(c, RgbD(1));
+  light.surface = surfaces_.radiance(c) * transmittance;
+  light.emitted = surfaces_.emitted(c) * transmittance;
+  if (options_.medium_points >= 0) keep_stratum(c, transmittance);
   if (is_black(light.surface)) return;
-  light.over_distance = luminance(light.surface) / cell_[c].s;
+  const double inverse_s = 1 / cell_[c].s;
+  light.over_distance = luminance(light.surface) * inverse_s;
   if (!is_full()) return;
   const DirectionCell& around = cells_.cell(c);
   for (int side = around.first_side; side < around.end_side; ++side)
     phi_[side] = light.surface * inverse_r_[side];
-  if (surfaces_.has_derivatives())
-    light.directional -=
-        perpendicular(surfaces_.direction_derivative(c), cell_[c].w) * (1 / cell_[c].s);
+  for (Bend& bend : bends_) {
+    if (boundaries_.empty()) break;
+    bend.add(light.surface, bend_integral(bend.volume, marcher_.shell_count(), inverse_s));
+    light.grad_sigma -=
+        perpendicular(bend.in_world(world_.medium().volumes()[bend.volume]), cell_[c].w);
+    bend.sum = {};
+  }
+  if (!surfaces_.has_derivatives()) return;
+  RgbGradient d = surfaces_.direction_derivative(c);
+  for (int ch = 0; ch < 3; ++ch) d[ch] *= transmittance[ch] * inverse_s;
+  light.directional -= perpendicular(d, cell_[c].w);
 }
 
 // After its points.
 void CellGather::keep_stratum(int c, const RgbD& transmittance) {
-  const std::size_t points_before =
-      strata_.strata.empty() ? 0 : strata_.strata.back().points_end;
+  const std::size_t points_before = strata_.strata.empty() ? 0 : strata_.strata.back().points_end;
   const Hit& hit = hits_[c];
   RgbD reflectance;
   if (hit.is_hit())
@@ -257,8 +273,8 @@ void CellGather::keep_stratum(int c, const RgbD& transmittance) {
   strata_.strata.push_back(s);
 }
 
-// A few points, evenly through the running sum of what the stretches scatter. Their weights sum to all
-// of it in each channel, so that nothing is lost or gained by choosing.
+// A few points, evenly through the running sum of what the stretches scatter. Their weights sum to
+// all of it in each channel, so that nothing is lost or gained by choosing.
 void CellGather::keep_medium_points(int c) {
   if (options_.medium_points == 0 || !effects_.multiple_scattering) return;
   medium_.stretches(marcher_, ray_of(cell_[c]), stretches_);

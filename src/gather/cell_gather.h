@@ -10,6 +10,7 @@
 #include "core/random.h"
 #include "gather/direction_cells.h"
 #include "gather/gather.h"
+#include "gather/lamp_rays.h"
 #include "gather/medium_source.h"
 #include "gather/shell_sums.h"
 #include "gather/surface_light.h"
@@ -20,7 +21,7 @@ namespace brume {
 // Radiance that arrives along one cell's direction.
 struct CellLight {
   RgbD surface, media;
-  RgbD emitted;  // Part of surface: emitters that only gathers see.
+  RgbD emitted;              // Part of surface: emitters that only gathers see.
   double over_distance = 0;  // Luminance of light times 1/t of where it comes from.
   // T3 and T4 of gradients.md 3 without the cell's measure; with mode Full only.
   RgbGradient grad_sigma, directional;
@@ -45,8 +46,12 @@ class CellGather {
   double hit_distance(int c) const { return cell_[c].s; }  // Infinite for a miss.
   const CellLight& light(int c) const { return light_[c]; }
   const Strata& strata() const { return strata_; }
-  int shell_count() const { return boundaries_.empty() ? 0 : static_cast<int>(boundaries_.size()) - 1; }
-  bool has_radial_term() const { return !boundaries_.empty() && (!is_black(sigma_here_) || effects_.emission); }
+  int shell_count() const {
+    return boundaries_.empty() ? 0 : static_cast<int>(boundaries_.size()) - 1;
+  }
+  bool has_radial_term() const {
+    return !boundaries_.empty() && (!is_black(sigma_here_) || effects_.emission);
+  }
   // sigma L - Q of T1 for a cell, once look_here() has found what the medium sends from the point
   // itself.
   void look_here(Counters& counters);
@@ -58,7 +63,9 @@ class CellGather {
   // How a cell's light changes with a medium that moves with the point and that nothing occludes:
   // the integral of Tr (grad Q - Q I0) - f_s I0. The comparison that [JZJ08] improves on.
   RgbGradient moving_medium(int c, Counters& counters);
-  bool has_moving_medium() const { return !boundaries_.empty() && (effects_.heterogeneous || has_source()); }
+  bool has_moving_medium() const {
+    return !boundaries_.empty() && (effects_.heterogeneous || has_source());
+  }
 
  private:
   // What pass 1 knows of a cell: the direction, what it hit, and that hit's plane.
@@ -76,8 +83,12 @@ class CellGather {
   static double inverse_wall_distance(const Cell& a, const Cell& b, const Vec3d& wall);
   void choose_shells();
   void draw_jitter(int c);
+  void march(const Ray& ray, double end, int jitter, Counters& counters);
   void march_cell(int c, Counters& counters);
-  void add_surface(int c);
+  void march_lamp_ray(int i, Counters& counters);
+  void add_medium(int c, const Ray& ray, double end, double share, RandomStream random,
+                  Counters& counters);
+  void add_surface(int c, const RgbD& transmittance);
   void keep_stratum(int c, const RgbD& transmittance);
   void keep_medium_points(int c);
   Vec3d bend_integral(int volume, int shell, double inverse_t) const;
@@ -93,6 +104,7 @@ class CellGather {
   ShellMarcher marcher_;
   SurfaceLight surfaces_;
   MediumSource medium_;
+  LampRays lamp_rays_;
 
   DirectionCells cells_;
   Frame frame_{Vec3d(0.0, 0.0, 1.0)};

@@ -1,5 +1,6 @@
 #include "gather/direction_cells.h"
 
+#include <algorithm>
 #include <cstdint>
 
 namespace brume {
@@ -142,6 +143,19 @@ Vec3d DirectionCells::direction(int c, const Vec2d& shift) const {
   const double along = fraction(shift.y + row * kLattice2 + column * kLattice1);
   const Latitude at = latitude(ring.begin + (ring.end - ring.begin) * up);
   return spherical(at.sine, (column + along) * (2 * kPi / ring.count), at.cosine);
+}
+
+int DirectionCells::cell_at(const Vec3d& direction) const {
+  const bool is_sphere = domain_ == DirectionDomain::Sphere;
+  if (!is_sphere && !(direction.z > 0)) return -1;
+  const double part = is_sphere ? 0.5 * (1 - direction.z)
+                                : direction.x * direction.x + direction.y * direction.y;
+  auto ring = std::upper_bound(rings_.begin(), rings_.end(), part,
+                               [](double at, const Ring& r) { return at < r.end; });
+  if (ring == rings_.end()) --ring;
+  const double turns = std::atan2(direction.y, direction.x) / (2 * kPi);
+  const int column = static_cast<int>((turns - std::floor(turns)) * ring->count);
+  return ring->first + std::min(column, ring->count - 1);
 }
 
 }  // namespace brume

@@ -45,6 +45,7 @@ class DirectionCells {
   int count() const { return static_cast<int>(cells_.size()); }
   // Half the width of a cell [rad]: what a ray stands for, at each unit of its length.
   double spread() const { return 0.5 * std::sqrt(measure() / count()); }
+  DirectionDomain domain() const { return domain_; }
   int side_count() const { return static_cast<int>(2 * walls_.size()); }
   const DirectionCell& cell(int c) const { return cells_[c]; }
   std::span<const CellWall> walls() const { return walls_; }
@@ -53,6 +54,8 @@ class DirectionCells {
   // weighted area; one shift for all cells spreads them like the points of a lattice
   // [Rob18].
   Vec3d direction(int c, const Vec2d& shift) const;
+  // The cell that a unit direction lies in; below 0 for one under the horizon of a hemisphere.
+  int cell_at(const Vec3d& direction) const;
 
  private:
   struct Ring {

@@ -23,8 +23,8 @@ struct EquiAngular {
   }
 };
 
-// Mean transmittance from a shell to the ray's origin, exp(-tau) (1 - exp(-depth)) / depth: exact for a
-// source in proportion to density.
+// Mean transmittance from a shell to the ray's origin, exp(-tau) (1 - exp(-depth)) / depth: exact
+// for a source in proportion to density.
 RgbD shell_transmittance(const ShellMarcher& marcher, int shell) {
   const RgbD tau = marcher.tau(shell), depth = marcher.tau(shell + 1) - tau;
   return RgbD(one_minus_exp_over(depth.r), one_minus_exp_over(depth.g),
@@ -84,16 +84,24 @@ void MediumSource::add_scattering(const ShellMarcher& marcher, int shell, const 
   for (std::size_t l = 0; l < world.lights().size(); ++l) {
     const Light& light = *world.lights()[l];
     const Vec2d u = random.uniform2();
+    const double begin = std::max(a, lit_[l].begin), end = std::min(b, lit_[l].end);
+    if (!(begin < end)) continue;
     Vec3d p = drawn;
     RgbD strength = drawn_strength;
-    // Close to a point light the 1/d^2 decides where the light comes from, elsewhere the density
-    // does.
-    if ((light.kind() == Light::Kind::Point || light.kind() == Light::Kind::Spot) &&
-        distance_to_segment(ray, light.centre(), a, b) < b - a) {
-      const EquiAngular near(ray, light.centre(), a, b);
-      const double t = std::clamp(near.distance(jitter), a, b);
+    // Close to a point light the 1/d^2 decides where the light comes from, at the edge of a cone
+    // the cone, elsewhere the density does.
+    const bool is_near =
+        (light.kind() == Light::Kind::Point || light.kind() == Light::Kind::Spot) &&
+        distance_to_segment(ray, light.centre(), begin, end) < b - a;
+    if (is_near || end - begin < b - a) {
+      double t = begin + jitter * (end - begin), length = end - begin;
+      if (is_near) {
+        const EquiAngular near(ray, light.centre(), begin, end);
+        t = std::clamp(near.distance(jitter), begin, end);
+        length = 1 / near.pdf(t);
+      }
       p = ray.at(t);
-      strength = dimming * volume.sigma_s_at(p) * (volume.density_at(p) / (near.pdf(t) * share));
+      strength = dimming * volume.sigma_s_at(p) * (volume.density_at(p) * length / share);
     }
     const LightSample sample = light.sample(p, u);
     if (is_black(sample.weight) || is_black(strength)) continue;
@@ -124,7 +132,8 @@ void MediumSource::look_along(const Vec3d& w) {
   slope(across_.v, &RayWeights::along_v);
 }
 
-// At the place that stands for the shell's density: where dense smoke is bright, both belong together.
+// At the place that stands for the shell's density: where dense smoke is bright, both belong
+// together.
 void MediumSource::add_scattered_again(const ShellMarcher& marcher, int shell, const Ray& ray,
                                        const RgbD& transmittance) {
   const auto& volumes = lighting_.world().medium().volumes();
@@ -186,6 +195,9 @@ const std::vector<ShellLight>& MediumSource::shells(const ShellMarcher& marcher,
   shells_.assign(n, ShellLight());
   pending_.clear();
   if (scattered_) look_along(ray.direction);
+  lit_.clear();
+  if (effects_.scattering)
+    for (const auto& light : lighting_.world().lights()) lit_.push_back(light->lit_stretch(ray));
   for (int i = 0; i < n; ++i) {
     const double a = boundaries[i], b = std::min(boundaries[i + 1], t_end);
     const RgbD dimming = shell_transmittance(marcher, i);

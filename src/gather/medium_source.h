@@ -1,5 +1,5 @@
-// What the medium sends towards a point from one stretch of a ray: light scattered straight from lights,
-// light that has scattered before, and the medium's own glow.
+// What the medium sends towards a point from one stretch of a ray: light scattered straight from
+// lights, light that has scattered before, and the medium's own glow.
 #pragma once
 
 #include <vector>
@@ -17,8 +17,8 @@ struct ShellLight {
   RgbD scattered;    // Straight from lights.
   RgbD rescattered;  // Had scattered before, or met a surface.
   RgbD emitted;
-  // sum of (dp/dc / p) * scattered * e over samples, e the way the light travels: the directional term
-  // before its 1/t (gradients.md 3, T4). Only where asked for, and for anisotropic media.
+  // sum of (dp/dc / p) * scattered * e over samples, e the way the light travels: the directional
+  // term before its 1/t (gradients.md 3, T4). Only where asked for, and for anisotropic media.
   RgbGradient directional;
   RgbD total() const { return scattered + rescattered + emitted; }
 };
@@ -59,8 +59,8 @@ class MediumSource {
   // What has scattered already, from now on; null: nothing. It must outlive its use.
   void use_scattered(const IncidentField* scattered) { scattered_ = scattered; }
 
-  // Light from each shell of `marcher`, which has just marched `ray` through `boundaries` up to t_end.
-  // `random` gives area lights their points; visibility is traced in packets.
+  // Light from each shell of `marcher`, which has just marched `ray` through `boundaries` up to
+  // t_end. `random` gives area lights their points; visibility is traced in packets.
   const std::vector<ShellLight>& shells(const ShellMarcher& marcher, const Ray& ray,
                                         std::span<const double> boundaries, double t_end,
                                         std::span<const double> jitter, RandomStream& random,
@@ -73,8 +73,8 @@ class MediumSource {
   // Area lights with `samples` points. Visibility is traced.
   SourceAtPoint source_at(const Vec3d& p, int samples, RandomStream& random,
                           Counters& counters) const;
-  // What one light, at light sample position u, makes leave p towards a receiver that looks along w, as if
-  // nothing were in the way.
+  // What one light, at light sample position u, makes leave p towards a receiver that looks along
+  // w, as if nothing were in the way.
   RgbD unshadowed(const Vec3d& p, const Vec3d& w, int light, const Vec2d& u,
                   Counters& counters) const;
   RgbD emission_at(const Vec3d& p) const;
@@ -86,7 +86,7 @@ class MediumSource {
     int shell, light, volume;
     LightSample sample;
     Vec3d position{0.0};
-    RgbD strength;   // Everything but phase, transmittance to the light and visibility.
+    RgbD strength;  // Everything but phase, transmittance to the light and visibility.
   };
   void add_scattering(const ShellMarcher& marcher, int shell, const Ray& ray, double a, double b,
                       double jitter, const RgbD& dimming, RandomStream& random);
@@ -108,6 +108,7 @@ class MediumSource {
   Frame across_{Vec3d(0.0, 0.0, 1.0)};
   std::vector<ShellLight> shells_;
   std::vector<Pending> pending_;
+  std::vector<RayStretch> lit_;  // Of the ray, by light.
   std::vector<double> chances_;  // Running sums over volumes, for choosing one.
   std::vector<ShadowRay> shadow_rays_;
   std::vector<std::uint8_t> occluded_;

@@ -20,7 +20,7 @@ struct PointLight {
 };
 struct SpotLight {
   Vec3d position{0.0}, direction{0.0, -1.0, 0.0};
-  Rgb intensity;                       // [W/sr] inside inner_deg.
+  Rgb intensity;                          // [W/sr] inside inner_deg.
   double inner_deg = 30, outer_deg = 40;  // Half angles; smoothstep of the angle's cosine between.
 };
 struct DirectionalLight {
@@ -39,11 +39,23 @@ struct EnvironmentLight {
 using LightDescription =
     std::variant<PointLight, SpotLight, DirectionalLight, QuadLight, EnvironmentLight>;
 
+// A stretch of a ray; empty where end <= begin.
+struct RayStretch {
+  double begin = 0, end = kInfinity;
+};
+
+// Directions within an angle of an axis, which are all where there is no axis.
+struct LightCone {
+  Vec3d axis{0.0};
+  double cosine = -1;
+};
+
 struct LightSample {
   Vec3d direction{0.0};  // From the point to the light, unit.
   double distance = kInfinity;
   // Incident radiance over pdf, so that an integral of L f over directions is estimated by
-  // weight * f: for point-like lights I/d^2 (distances in metres), for directional ones the irradiance.
+  // weight * f: for point-like lights I/d^2 (distances in metres), for directional ones the
+  // irradiance.
   RgbD weight;
   double pdf = 0;  // Per solid angle; 0 for point-like lights, whose samples no BRDF can hit.
 };
@@ -58,16 +70,22 @@ class Light {
   bool is_delta() const { return kind() <= Kind::Directional; }
   // From `p`. Weight 0: nothing arrives (outside the cone, behind the quad).
   virtual LightSample sample(const Vec3d& p, const Vec2d& u) const = 0;
-  // Of sample() giving `direction`, per solid angle; 0 for delta lights. `distance` is to the point hit on
-  // the light, `light_normal` its geometric normal (unused by the environment).
+  // The stretch of a ray outside which sample() gives nothing.
+  virtual RayStretch lit_stretch(const Ray& ray) const;
+  // Where one that is at a point sends its light.
+  virtual LightCone cone() const { return {}; }
+  // Of sample() giving `direction`, per solid angle; 0 for delta lights. `distance` is to the point
+  // hit on the light, `light_normal` its geometric normal (unused by the environment).
   virtual double pdf(const Vec3d& p, const Vec3d& direction, double distance,
                      const Vec3d& light_normal) const = 0;
-  // Radiance from infinity along `direction` (pointing away from the viewer); 0 but for environments.
+  // Radiance from infinity along `direction` (pointing away from the viewer); 0 but for
+  // environments.
   virtual RgbD radiance(const Vec3d& direction) const;
   // Power-like weight for choosing between lights [W], those at infinity as if the scene were 1 m^2
   // across; scale-free comparisons only.
   virtual double importance() const = 0;
-  // A point at the light's centre, for tables of optical depth; direction of travel for directional ones.
+  // A point at the light's centre, for tables of optical depth; direction of travel for directional
+  // ones.
   virtual Vec3d centre() const = 0;
   // Where point-like and area lights may touch: the box of the emitter, empty for infinite ones.
   virtual Box3d bounds() const = 0;
@@ -81,9 +99,10 @@ struct EmitterTriangle {
 };
 
 // `unit` is metres per scene unit, `up` the scene's up axis. Reads an environment's image.
-std::unique_ptr<Light> make_light(const LightDescription& description, double unit, const Vec3d& up);
-// All triangles of one emissive material; uniform over their area, or over the solid angle where they
-// are two that make a rectangle.
+std::unique_ptr<Light> make_light(const LightDescription& description, double unit,
+                                  const Vec3d& up);
+// All triangles of one emissive material; uniform over their area, or over the solid angle where
+// they are two that make a rectangle.
 std::unique_ptr<Light> make_mesh_light(std::vector<EmitterTriangle> triangles, const Rgb& radiance,
                                        bool two_sided, double unit);
 

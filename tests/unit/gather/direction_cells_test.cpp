@@ -129,6 +129,15 @@ TEST_P(SphereCells, AreEnclosedByTheirWalls) {
     EXPECT_NEAR((around[c] + cells.cell(c).direction * 2).length(), 0, 1e-12) << "cell " << c;
 }
 
+TEST_P(SphereCells, AreFoundByTheirDirections) {
+  for (const DirectionDomain domain : {DirectionDomain::Sphere, DirectionDomain::Hemisphere}) {
+    const DirectionCells cells(GetParam(), domain);
+    for (int c = 0; c < cells.count(); ++c)
+      EXPECT_EQ(cells.cell_at(cells.direction(c, {0.3, 0.6})), c);
+  }
+  EXPECT_LT(DirectionCells(50).cell_at({0.6, 0, -0.8}), 0);
+}
+
 INSTANTIATE_TEST_SUITE_P(Counts, SphereCells, testing::Values(1, 6, 50, 200, 800, 3232));
 
 }  // namespace
