@@ -26,7 +26,8 @@ CellGather::CellGather(const Lighting& lighting, const Effects& effects,
       surfaces_(lighting, is_full()),
       medium_(lighting, effects, is_full()),
       lamp_rays_(world_, effects),
-      cells_(options.cell_count(), domain) {
+      cells_(options.cell_count(), domain),
+      noise_(cells_) {
   const auto& volumes = world_.medium().volumes();
   for (std::size_t v = 0; v < volumes.size(); ++v)
     if (!volumes[v].is_homogeneous()) bends_.push_back({static_cast<int>(v), {}});
@@ -50,11 +51,13 @@ void CellGather::gather(const Vec3d& origin, const Frame& base, std::uint64_t ke
   const int n = cells_.count();
   cell_.assign(n, Cell());
   light_.assign(n, CellLight());
+  own_.assign(n, 0);
   strata_.strata.clear();
   strata_.points.clear();
   strata_.spread = cells_.spread();
   for (int c = 0; c < n; ++c) cell_[c].w = frame_.to_world(cells_.direction(c, shift)).normalized();
   lamp_rays_.draw(origin_, frame_, cells_, stream(-2, 0));
+  from_lamps_.assign(lamp_rays_.rays().size(), 0);
   trace(light, counters);
   find_walls();
   boundaries_.clear();
@@ -174,8 +177,8 @@ void CellGather::march_cell(int c, Counters& counters) {
   if (options_.medium_points >= 0) keep_medium_points(c);
   add_surface(c, exp_neg(marcher_.tau(marcher_.shell_count())));
   const double weight = cells_.domain() == DirectionDomain::Sphere ? 1 : cell_[c].w.dot(frame_.n);
-  add_medium(c, ray, cell_[c].s, lamp_rays_.share(cells_, c, cell_[c].w, weight), stream(c, 2),
-             counters);
+  own_[c] += add_medium(c, ray, cell_[c].s, lamp_rays_.share(cells_, c, cell_[c].w, weight),
+                        stream(c, 2), counters);
 }
 
 void CellGather::march_lamp_ray(int i, Counters& counters) {
@@ -184,13 +187,15 @@ void CellGather::march_lamp_ray(int i, Counters& counters) {
   const double end = hits_[static_cast<std::size_t>(slot)].t;
   const Ray ray{origin_, lamp_ray.direction};
   march(ray, end, slot, counters);
-  add_medium(lamp_ray.cell, ray, end, lamp_ray.share, stream(slot, 2), counters);
+  from_lamps_[static_cast<std::size_t>(i)] =
+      cells_.cell(lamp_ray.cell).measure *
+      add_medium(lamp_ray.cell, ray, end, lamp_ray.share, stream(slot, 2), counters);
 }
 
 // What the shells of the ray that was just marched send, as a share of the cell's light.
-void CellGather::add_medium(int c, const Ray& ray, double end, double share, RandomStream random,
-                            Counters& counters) {
-  if (!has_source() && !effects_.emission) return;
+double CellGather::add_medium(int c, const Ray& ray, double end, double share, RandomStream random,
+                              Counters& counters) {
+  if (!has_source() && !effects_.emission) return 0;
   CellLight& light = light_[c];
   const int n = marcher_.shell_count();
   shell_sums_.begin(n);
@@ -206,10 +211,11 @@ void CellGather::add_medium(int c, const Ray& ray, double end, double share, Ran
                             bend_integral(bend.volume, i + 1, inverse_t));
     if (effects_.anisotropic) directional += shells[i].directional * (inverse_t * share);
   }
-  if (is_black(shell_sums_.light())) return;
+  if (is_black(shell_sums_.light())) return 0;
+  const double added = luminance(shell_sums_.light());
   light.media += shell_sums_.light();
   light.over_distance += luminance(shell_sums_.light_over_distance());
-  if (!is_full()) return;
+  if (!is_full()) return added;
   const DirectionCell& around = cells_.cell(c);
   for (int side = around.first_side; side < around.end_side; ++side)
     phi_[side] += shell_sums_.over_distance_up_to(inverse_r_[side]);
@@ -219,6 +225,7 @@ void CellGather::add_medium(int c, const Ray& ray, double end, double share, Ran
     bend.sum = {};
   }
   if (effects_.anisotropic) light.directional += perpendicular(directional, ray.direction);
+  return added;
 }
 
 // I0 - I1/t of a volume's density up to where `shell` begins, for a ray that ends at t.
@@ -233,6 +240,7 @@ void CellGather::add_surface(int c, const RgbD& transmittance) {
   light.emitted = surfaces_.emitted(c) * transmittance;
   if (options_.medium_points >= 0) keep_stratum(c, transmittance);
   if (is_black(light.surface)) return;
+  own_[c] = luminance(light.surface);
   const double inverse_s = 1 / cell_[c].s;
   light.over_distance = luminance(light.surface) * inverse_s;
   if (!is_full()) return;
@@ -305,6 +313,12 @@ void CellGather::keep_medium_points(int c) {
   for (std::size_t i = first; i < strata_.points.size(); ++i)
     for (int ch = 0; ch < 3; ++ch)
       if (chosen[ch] > 0) strata_.points[i].weight[ch] *= static_cast<float>(all[ch] / chosen[ch]);
+}
+
+double CellGather::error() const {
+  std::vector<Vec3d> directions;
+  for (const Cell& c : cell_) directions.push_back(c.w);
+  return std::sqrt(noise_.variance(cells_, directions, own_) + lamp_rays_.variance(from_lamps_));
 }
 
 void CellGather::look_here(Counters& counters) {

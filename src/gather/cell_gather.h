@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/random.h"
+#include "gather/cell_noise.h"
 #include "gather/direction_cells.h"
 #include "gather/gather.h"
 #include "gather/lamp_rays.h"
@@ -60,6 +61,8 @@ class CellGather {
   RgbD across(const CellWall& wall) const { return phi_[wall.high_side] - phi_[wall.low_side]; }
   // Makes across() what [WH92] takes: all of a cell's light comes from its surface.
   void use_surface_distances();
+  // Estimated standard error of the sum of all cells' light, luminance.
+  double error() const;
   // How a cell's light changes with a medium that moves with the point and that nothing occludes:
   // the integral of Tr (grad Q - Q I0) - f_s I0. The comparison that [JZJ08] improves on.
   RgbGradient moving_medium(int c, Counters& counters);
@@ -86,8 +89,9 @@ class CellGather {
   void march(const Ray& ray, double end, int jitter, Counters& counters);
   void march_cell(int c, Counters& counters);
   void march_lamp_ray(int i, Counters& counters);
-  void add_medium(int c, const Ray& ray, double end, double share, RandomStream random,
-                  Counters& counters);
+  // Returns the luminance of what it added.
+  double add_medium(int c, const Ray& ray, double end, double share, RandomStream random,
+                    Counters& counters);
   void add_surface(int c, const RgbD& transmittance);
   void keep_stratum(int c, const RgbD& transmittance);
   void keep_medium_points(int c);
@@ -107,6 +111,7 @@ class CellGather {
   LampRays lamp_rays_;
 
   DirectionCells cells_;
+  CellNoise noise_;
   Frame frame_{Vec3d(0.0, 0.0, 1.0)};
   Vec3d origin_{0.0};
   std::uint64_t key_ = 0;
@@ -117,6 +122,8 @@ class CellGather {
   std::vector<Ray> rays_;
   std::vector<Hit> hits_;
   std::vector<CellLight> light_;
+  std::vector<double> own_;         // Luminance of what a cell's own ray brings.
+  std::vector<double> from_lamps_;  // Of a lamp ray, times its cell's measure.
   Strata strata_;
   std::vector<MediumStretch> stretches_;
   std::vector<double> inverse_r_;  // 1/r at each side of a wall.

@@ -40,7 +40,6 @@ struct Gatherer::Impl {
   GradientTerms full_terms(Counters& counters);
   GradientTerms terms_of(GradientMode mode, Counters& counters);
   RgbGradient wall_term() const;
-  double error_estimate() const;
 
   GradientMode mode;
   CellGather around;
@@ -53,19 +52,6 @@ RgbGradient Gatherer::Impl::wall_term() const {
   for (const CellWall& wall : around.cells().walls())
     sum += outer(around.across(wall), around.frame().to_world(wall.moment));
   return sum;
-}
-
-// Neighbours differ by noise and by what changes between them; taking all of it for noise errs on
-// the safe side.
-double Gatherer::Impl::error_estimate() const {
-  const DirectionCells& cells = around.cells();
-  double sum = 0;
-  for (const CellWall& wall : cells.walls()) {
-    const double d = luminance(around.light(wall.low).total() - around.light(wall.high).total()) *
-                     0.5 * (cells.cell(wall.low).measure + cells.cell(wall.high).measure);
-    sum += d * d / 2;
-  }
-  return std::sqrt(sum * cells.count() / double(cells.walls().size()));
 }
 
 GatherResult Gatherer::Impl::gather(const GatherPoint& point, const HitLight& light,
@@ -91,7 +77,7 @@ GatherResult Gatherer::Impl::gather(const GatherPoint& point, const HitLight& li
   result.irradiance = result.irradiance_surface + result.irradiance_media;
   if (mode == GradientMode::Full) kept = full_terms(counters);
   result.terms = terms_of(mode, counters);
-  result.error = error_estimate();
+  result.error = around.error();
   result.mean_distance = inverse_distance > 0 ? kPi / inverse_distance : kInfinity;
   result.light_distance =
       light_over_distance > 0 ? luminance(result.irradiance) / light_over_distance : kInfinity;

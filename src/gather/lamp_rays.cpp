@@ -84,14 +84,16 @@ void LampRays::draw(const Vec3d& origin, const Frame& frame, const DirectionCell
     lamp.count = static_cast<int>(std::lround(part * lamp.rings * kSpokes));
   }
   std::erase_if(lamps_, [](const Lamp& lamp) { return lamp.count < kFewest; });
-  for (const Lamp& lamp : lamps_)
+  for (std::size_t l = 0; l < lamps_.size(); ++l) {
+    const Lamp& lamp = lamps_[l];
     for (int i = 0; i < lamp.count; ++i) {
       const Vec2d u = random.uniform2();
       const Vec3d w = lamp.direction_at(lamp.reach * (i % lamp.rings + u.x) / lamp.rings,
                                         lamp.half_turn * (2 * (i + u.y) / lamp.count - 1));
       const int cell = cells.cell_at(frame.to_local(w));
-      if (cell >= 0) rays_.push_back({w, cell, 0});
+      if (cell >= 0) rays_.push_back({w, cell, 0, static_cast<int>(l), i});
     }
+  }
   const bool is_sphere = cells.domain() == DirectionDomain::Sphere;
   for (LampRay& ray : rays_)
     ray.share = share(cells, ray.cell, ray.direction, is_sphere ? 1 : ray.direction.dot(frame.n));
@@ -103,6 +105,28 @@ double LampRays::share(const DirectionCells& cells, int c, const Vec3d& directio
   double sum = own;
   for (const Lamp& lamp : lamps_) sum += lamp.density(direction);
   return own / sum;
+}
+
+double LampRays::variance(std::span<const double> values) const {
+  double variance = 0;
+  std::vector<double> of_stratum;
+  for (std::size_t l = 0, first = 0; l < lamps_.size(); ++l) {
+    const Lamp& lamp = lamps_[l];
+    // Those below the horizon bring nothing.
+    of_stratum.assign(static_cast<std::size_t>(lamp.count), 0);
+    for (; first < rays_.size() && rays_[first].lamp == static_cast<int>(l); ++first)
+      of_stratum[static_cast<std::size_t>(rays_[first].stratum)] = values[first];
+    double sum = 0;
+    int bends = 0;
+    for (int i = lamp.rings; i + lamp.rings < lamp.count; ++i, ++bends) {
+      const std::size_t at = static_cast<std::size_t>(i),
+                        step = static_cast<std::size_t>(lamp.rings);
+      const double bend = of_stratum[at - step] - 2 * of_stratum[at] + of_stratum[at + step];
+      sum += bend * bend / 6;
+    }
+    if (bends > 0) variance += sum * lamp.count / bends;
+  }
+  return variance;
 }
 
 }  // namespace brume

@@ -19,6 +19,7 @@ struct LampRay {
   Vec3d direction{0.0};  // World space.
   int cell = 0;
   double share = 0;
+  int lamp = 0, stratum = 0;
 };
 
 // Of point and spot lamps: evenly in h, as dense as 1/h, out to a few cells from a lamp, or along
@@ -37,6 +38,9 @@ class LampRays {
   // What counts of the medium's light along the ray that cell `c` itself has, at a cosine `weight`
   // from the normal, or 1 on a sphere.
   double share(const DirectionCells& cells, int c, const Vec3d& direction, double weight) const;
+  // Estimated variance of the sum of what rays() bring: by how far each is from its neighbours on
+  // the same ring.
+  double variance(std::span<const double> values) const;
 
  private:
   struct Source {

@@ -45,7 +45,6 @@ VolumeGatherResult VolumeGatherer::Impl::gather(const Vec3d& position, std::uint
   VolumeGatherResult result;
   result.moments.assign(count(), RgbD());
   result.reflected.assign(count(), RgbD());
-  double spread = 0;
   for (int c = 0; c < cells.count(); ++c) {
     const CellLight& seen = around.light(c);
     const RgbD total = seen.total();
@@ -60,12 +59,7 @@ VolumeGatherResult VolumeGatherer::Impl::gather(const Vec3d& position, std::uint
     result.fluence_media += seen.media * g;
     result.nearest = std::min(result.nearest, around.hit_distance(c));
   }
-  for (const CellWall& wall : cells.walls()) {
-    const double d = luminance(around.light(wall.low).total() - around.light(wall.high).total()) *
-                     0.5 * (cells.cell(wall.low).measure + cells.cell(wall.high).measure);
-    spread += d * d / 2;
-  }
-  result.error = std::sqrt(spread * cells.count() / double(cells.walls().size()));
+  result.error = around.error();
   if (mode == GradientMode::Full) add_full_terms(counters);
   return result;
 }
