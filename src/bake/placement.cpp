@@ -6,6 +6,7 @@
 #include "core/parallel.h"
 #include "core/random.h"
 #include "core/sampling.h"
+#include "geom/surface_area.h"
 #include "scene/camera_rays.h"
 
 namespace brume {
@@ -112,35 +113,18 @@ std::vector<SurfacePoint> SurfacePatches::points(double spacing, std::uint64_t s
 
 std::vector<SurfacePoint> some_surface_points(const RayTracer& tracer, std::uint64_t seed) {
   constexpr std::size_t kEach = 512;
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> triangles;
-  std::vector<double> area_up_to;
-  double area = 0;
-  for (std::uint32_t m = 0; m < tracer.meshes().size(); ++m) {
-    const TriangleMesh& mesh = tracer.meshes()[m];
-    for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
-      const auto& [a, b, c] = mesh.triangles[t];
-      area += (mesh.positions[b] - mesh.positions[a])
-                  .cross(mesh.positions[c] - mesh.positions[a])
-                  .length() /
-              2;
-      area_up_to.push_back(area);
-      triangles.emplace_back(m, t);
-    }
-  }
+  const SurfaceArea surfaces(tracer);
   std::vector<SurfacePoint> points;
-  if (!(area > 0)) return points;
+  if (!(surfaces.area() > 0)) return points;
   RandomStream random(seed);
-  const auto add = [&](std::size_t t) {
-    const auto [mesh, triangle] = triangles[std::min(t, triangles.size() - 1)];
-    const Hit hit = tracer.point_on(mesh, triangle, sample_triangle(random.uniform2()));
+  const auto add = [&](const Hit& hit) {
     points.push_back(point_of(hit, true, 0));
     points.push_back(point_of(hit, false, 0));
   };
   for (std::size_t i = 0; i < kEach; ++i) {
     const double at = (double(i) + random.uniform()) / kEach;
-    const auto found = std::upper_bound(area_up_to.begin(), area_up_to.end(), at * area);
-    add(static_cast<std::size_t>(found - area_up_to.begin()));
-    add(static_cast<std::size_t>(at * double(triangles.size())));
+    add(surfaces.point(at, random.uniform2()));
+    add(surfaces.point_by_triangle(at, random.uniform2()));
   }
   return points;
 }

@@ -5,6 +5,7 @@
 #include "cli/frame_options.h"
 #include "cli/outputs.h"
 #include "cli/progress.h"
+#include "cli/self_check.h"
 #include "cli/shared_options.h"
 #include "cli/signals.h"
 #include "cli/stopping.h"
@@ -20,6 +21,7 @@ struct BakeOptions {
   AccuracyOptions accuracy;
   SizeOptions size;
   CacheOptions cache;
+  SelfCheckOptions check;
   std::vector<std::string> views;
   bool everywhere = false, deep_only = false;
   std::optional<Shard> shard;
@@ -122,6 +124,11 @@ int bake_scene(const BakeOptions& options, const CommandContext& context) {
     throw Error(ErrorKind::Usage,
                 "--deep-only: covers no views and is one piece: leave out --views, --everywhere and "
                 "--shard");
+  require_sense(options.check);
+  if (options.check.max_rmse && (options.deep_only || options.shard))
+    throw Error(ErrorKind::Usage,
+                "--max-rmse: deep records and shards answer nothing by themselves: render with "
+                "--cache-mode read and --max-rmse");
   if (!options.cache.file.empty())
     check_writable(with_frame(options.cache.file, options.scene.load.frame));
   if (!context.stats_file.empty()) check_writable(context.stats_file);
@@ -143,11 +150,22 @@ int bake_scene(const BakeOptions& options, const CommandContext& context) {
   CacheSession session(choice, world, settings);
   const bool needs_bake =
       statistics.timed("coverage", [&] { return session.needs_bake(world, request); });
+  const auto make_lighting = [&] {
+    return statistics.timed("lighting",
+                            [&] { return Lighting(world, lighting_options(settings, context)); });
+  };
   if (!needs_bake) {
     statistics.effects = plan_effects(world, settings.bounces, settings.volume_bounces).names();
     statistics.records = session.existing()->size();
     if (!session.may_bake()) require_coverage(world, settings, session, request, statistics);
+    std::optional<AnswerCheck> check;
+    if (options.check.is_asked_for()) {
+      const Lighting lighting = make_lighting();
+      check = check_and_tell(options.check, context, lighting, settings, *session.existing(),
+                             request, nullptr, statistics);
+    }
     report(context, session, statistics, false);
+    require_max_rmse(options.check, check, session.file().string());
     return 0;
   }
   session.begin(world, journal_options(options, context), request);
@@ -158,8 +176,7 @@ int bake_scene(const BakeOptions& options, const CommandContext& context) {
     context.note(printable(session.file().string()) + ": " +
                  std::to_string(cache->size()) + " records so far");
   };
-  const Lighting lighting = statistics.timed(
-      "lighting", [&] { return Lighting(world, lighting_options(settings, context)); });
+  const Lighting lighting = make_lighting();
   statistics.describe(lighting, plan_effects(world, settings.bounces, settings.volume_bounces));
   watch.remember();
   const BakeResult baked = statistics.timed(
@@ -169,7 +186,12 @@ int bake_scene(const BakeOptions& options, const CommandContext& context) {
   statistics.describe(baked.deep);
   if (!baked.is_stopped) progress.finish();
   const bool is_saved = statistics.timed("write", [&] { return session.save(baked, request); });
+  std::optional<AnswerCheck> check;
+  if (!baked.is_stopped)
+    check = check_and_tell(options.check, context, lighting, settings, *baked.cache, request,
+                           baked.scattered, statistics);
   report(context, session, statistics, is_saved);
+  require_max_rmse(options.check, check, session.file().string());
   if (baked.is_stopped && choice.mode == CacheMode::New)
     context.note("to go on from here: --cache-mode missing; new begins again");
   return baked.is_stopped ? end_early(options, context, baked, session) : 0;
@@ -234,6 +256,7 @@ void add_bake_command(CLI::App& app, CommandContext& context) {
       ->group("Frame");
   add_size_options(*verb, context, options->size);
   add_work_options(*verb, context, *options);
+  add_self_check_options(*verb, context, options->check);
   add_accuracy_options(*verb, context, options->accuracy);
   verb->footer(R"(Examples:
   brume bake shot.json -o shot.irc

@@ -1,9 +1,9 @@
-#include <algorithm>
 #include <atomic>
 
 #include "cli/cache_session.h"
 #include "core/parallel.h"
 #include "core/random.h"
+#include "geom/surface_area.h"
 #include "scene/camera_rays.h"
 
 namespace brume {
@@ -29,8 +29,7 @@ Coverage of_view(const World& world, const IrradianceCache& cache, const BakeVie
       const double side = hit.normal.dot(ray.direction) < 0 ? 1 : -1;
       const double footprint = kFootprintPixels * rays.pixel_angle() * hit.t;
       ++asked;
-      if (!is_covered(world, cache, hit, hit.shading_normal * side, footprint))
-        ++uncovered;
+      if (!is_covered(world, cache, hit, hit.shading_normal * side, footprint)) ++uncovered;
     }
   });
   return {asked, uncovered};
@@ -39,33 +38,13 @@ Coverage of_view(const World& world, const IrradianceCache& cache, const BakeVie
 // Points of the front sides, stratified by area.
 Coverage of_surfaces(const World& world, const BakeSettings& settings, const IrradianceCache& cache,
                      int threads) {
-  struct Triangle {
-    std::uint32_t mesh, index;
-  };
-  std::vector<Triangle> triangles;
-  std::vector<double> area_up_to;
-  double area = 0;
-  const auto& meshes = world.tracer().meshes();
-  for (std::uint32_t m = 0; m < meshes.size(); ++m)
-    for (std::uint32_t t = 0; t < meshes[m].triangles.size(); ++t) {
-      const auto& corner = meshes[m].triangles[t];
-      const auto& p = meshes[m].positions;
-      area += (p[corner[1]] - p[corner[0]]).cross(p[corner[2]] - p[corner[0]]).length() / 2;
-      triangles.push_back({m, t});
-      area_up_to.push_back(area);
-    }
-  if (triangles.empty()) return {};
+  const SurfaceArea surfaces(world.tracer());
+  if (!(surfaces.area() > 0)) return {};
   std::atomic<std::size_t> uncovered{0};
   parallel_for(threads, kSurfacePoints, 256, [&](std::size_t i) {
     RandomStream random(random_key(settings.seed, i));
-    const double at = (static_cast<double>(i) + random.uniform()) / kSurfacePoints * area;
-    const auto found = std::lower_bound(area_up_to.begin(), area_up_to.end(), at);
-    const Triangle& triangle =
-        triangles[std::min<std::size_t>(found - area_up_to.begin(), triangles.size() - 1)];
-    const Vec2d u = random.uniform2();
-    const double root = std::sqrt(u.x);
-    const Hit hit =
-        world.tracer().point_on(triangle.mesh, triangle.index, {root * (1 - u.y), root * u.y});
+    const double at = (static_cast<double>(i) + random.uniform()) / kSurfacePoints;
+    const Hit hit = surfaces.point(at, random.uniform2());
     if (!is_covered(world, cache, hit, hit.shading_normal, 0)) ++uncovered;
   });
   return {kSurfacePoints, uncovered};

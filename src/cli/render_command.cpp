@@ -84,6 +84,7 @@ class RenderRun {
   // Both return 0, or the exit code of a stopped run.
   int render_with_records(const World& world, const CameraRays& rays);
   int render_with_paths(const World& world, const CameraRays& rays);
+  BakeRequest request_of_view() const;
   int bake_view(const Lighting& lighting, const BakeSettings& settings, CacheSession& session);
   void write_images(const World& world, const CameraRays& rays);
   void summarise() const;
@@ -101,6 +102,7 @@ class RenderRun {
   std::shared_ptr<const IrradianceCache> cache_;
   Scattered scattered_;  // Of this run's bake.
   std::optional<Fingerprint> cache_fingerprint_;
+  std::optional<AnswerCheck> check_;
   int samples_ = 0;
 };
 
@@ -124,19 +126,25 @@ int RenderRun::run() {
     write_images(world, rays);
     report_statistics(context_, statistics_);
     summarise();
+    require_max_rmse(options_.check, check_, plan_.cache.file.string());
   }
   return 0;
+}
+
+BakeRequest RenderRun::request_of_view() const {
+  BakeRequest request;
+  request.views = {{options_.camera, scene_.find_camera(options_.camera), size_.x, size_.y}};
+  request.threads = context_.threads;
+  request.stop_requested = SignalWatch::stop_requested;
+  request.deep_only = options_.gather_everywhere;
+  return request;
 }
 
 int RenderRun::bake_view(const Lighting& lighting, const BakeSettings& settings,
                          CacheSession& session) {
   cache_ = session.existing();
-  BakeRequest request;
-  request.views = {{options_.camera, scene_.find_camera(options_.camera), size_.x, size_.y}};
-  request.threads = context_.threads;
+  BakeRequest request = request_of_view();
   request.progress = progress_.callback();
-  request.stop_requested = SignalWatch::stop_requested;
-  request.deep_only = options_.gather_everywhere;
   const World& world = lighting.world();
   if (!statistics_.timed("coverage", [&] { return session.needs_bake(world, request); })) return 0;
   session.begin(world, {}, request);
@@ -174,6 +182,9 @@ int RenderRun::render_with_records(const World& world, const CameraRays& rays) {
   if (const int stopped = bake_view(lighting, settings, session)) return stopped;
   cache_fingerprint_ = session.fingerprint();
   statistics_.records = cache_->size();
+  if (!options_.pixel)
+    check_ = check_and_tell(options_.check, context_, lighting, settings, *cache_,
+                            request_of_view(), scattered_, statistics_);
 
   CachedRenderOptions render;
   samples_ = render.samples = options_.sample_count();
@@ -239,6 +250,7 @@ void RenderRun::write_images(const World& world, const CameraRays& rays) {
                                       statistics_,
                                       world.fingerprint(),
                                       cache_fingerprint_,
+                                      check_,
                                       developed.bad_pixels,
                                       samples_,
                                       options_.is_reproducible()};

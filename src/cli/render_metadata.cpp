@@ -50,6 +50,11 @@ ImageMetadata render_metadata(const RenderProvenance& p) {
   data["brume:effects"] = joined(p.statistics.effects, ", ");
   data["brume:badVoxels"] = integer(p.scene.bad_voxels.total());
   data["brume:nanPixels"] = integer(p.bad_pixels);
+  if (p.check) {
+    data["brume:verifiedPoints"] = integer(static_cast<std::uint64_t>(p.check->points));
+    data["brume:bias"] = p.check->bias;
+    data["brume:rmse"] = p.check->rmse;
+  }
   if (p.is_reproducible) return data;
   data["command"] = command_line(p.arguments);
   for (const auto& [stage, seconds] : p.statistics.seconds)

@@ -7,6 +7,7 @@
 #include "cli/statistics.h"
 #include "core/hash.h"
 #include "core/image.h"
+#include "render/answer_check.h"
 #include "scene/camera_rays.h"
 #include "scene/scene.h"
 
@@ -19,6 +20,7 @@ struct RenderProvenance {
   const Statistics& statistics;
   Fingerprint scene_fingerprint;
   std::optional<Fingerprint> cache_fingerprint;  // None with path tracing.
+  const std::optional<AnswerCheck>& check;
   std::size_t bad_pixels = 0;
   int samples = 0;
   bool is_reproducible = false;  // Nothing that two equal runs would differ in.

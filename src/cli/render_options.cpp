@@ -147,10 +147,14 @@ void add_render_options(CLI::App& app, CommandContext& context, RenderOptions& o
            "Cache file to read, and to fill with what this view needs (default: in memory)")
       ->group("Cache");
   add_cache_mode_option(app, context, options.cache);
+  add_self_check_options(app, context, options.check);
   add_accuracy_options(app, context, options.accuracy);
 }
 
 void check_combinations(const RenderOptions& options) {
+  require_sense(options.check);
+  if (options.check.max_rmse && (options.is_path() || options.gather_everywhere || options.pixel))
+    contradiction("--max-rmse: nothing that records answer for is rendered: leave it out");
   if (options.is_path()) {
     if (!options.cache.file.empty())
       contradiction(

@@ -9,6 +9,7 @@
 
 #include "cli/frame_options.h"
 #include "cli/outputs.h"
+#include "cli/self_check.h"
 #include "cli/shared_options.h"
 #include "core/math.h"
 #include "render/path_tracer.h"
@@ -22,6 +23,7 @@ struct RenderOptions {
   AccuracyOptions accuracy;
   SizeOptions size;
   CacheOptions cache;
+  SelfCheckOptions check;
   std::filesystem::path output, preview;
   std::string camera, preview_layer;
   std::optional<CropRegion> crop;

@@ -6,6 +6,7 @@
 #include "core/random.h"
 #include "gather/medium_source.h"
 #include "gather/surface_light.h"
+#include "render/picture_irradiance.h"
 #include "render/sample_points.h"
 
 namespace brume {
@@ -21,11 +22,12 @@ class PixelRenderer {
  public:
   PixelRenderer(const Lighting& lighting, const BakeSettings& settings, const IrradianceCache& cache,
                 const HitLight& below, const CameraRays& camera, const CachedRenderOptions& options)
-      : lighting_(lighting), world_(lighting.world()), settings_(settings), cache_(cache),
+      : lighting_(lighting), world_(lighting.world()), settings_(settings),
         camera_(camera), options_(options),
         effects_(plan_effects(world_, settings.bounces, settings.volume_bounces)),
         marcher_(world_.medium(), march_options()), source_(lighting, effects_),
-        hit_light_(lighting), below_(below) {
+        hit_light_(lighting), below_(below),
+        irradiance_(lighting, effects_, settings, cache, below) {
     source_.use_scattered(below_.scattered.get());
   }
 
@@ -49,12 +51,10 @@ class PixelRenderer {
                 PixelResult& result);
   RgbD glossy_indirect(const Vec3d& p, const Vec3d& n, const Vec3d& wo, const Material& material,
                        const SamplePoints& points, RandomStream& random);
-  Gatherer& gatherer();
 
   const Lighting& lighting_;
   const World& world_;
   const BakeSettings& settings_;
-  const IrradianceCache& cache_;
   const CameraRays& camera_;
   const CachedRenderOptions& options_;
   Effects effects_;
@@ -62,14 +62,9 @@ class PixelRenderer {
   MediumSource source_;
   SurfaceLight hit_light_;
   const HitLight& below_;
-  std::unique_ptr<Gatherer> gatherer_;
+  PictureIrradiance irradiance_;
   std::vector<double> boundaries_, jitter_;
 };
-
-Gatherer& PixelRenderer::gatherer() {
-  if (!gatherer_) gatherer_ = std::make_unique<Gatherer>(lighting_, effects_, settings_.gather);
-  return *gatherer_;
-}
 
 // Single scattering and emission along the ray, stratified in shells; returns its transmittance.
 RgbD PixelRenderer::march_eye_ray(const Ray& ray, double t_end, const SamplePoints& points,
@@ -110,19 +105,11 @@ RgbD PixelRenderer::march_eye_ray(const Ray& ray, double t_end, const SamplePoin
 RgbD PixelRenderer::indirect(const Hit& hit, const Vec3d& n, double footprint, std::uint64_t key,
                              PixelResult& result) {
   if (!effects_.indirect) return {};
-  if (!options_.gather_everywhere) {
-    const InterpolatedIrradiance e =
-        cache_.irradiance(pixel_query(world_, hit.position, n, footprint));
-    ++counters.cache_queries;
-    counters.cache_clamps += e.clamped;
-    result.cache_count += e.records;
-    if (e.records > 0) return e.irradiance;
-    ++counters.cache_misses;
-    if (!options_.gather_fallback) return {};
-    ++counters.fallback_gathers;
-  }
-  const GatherPoint point{hit.position, n, hit.offset, key};
-  return gatherer().gather(point, below_, counters).irradiance;
+  if (options_.gather_everywhere) return irradiance_.gather(hit, n, key, counters);
+  const InterpolatedIrradiance e =
+      irradiance_.answer(hit, n, footprint, options_.gather_fallback, key, counters);
+  result.cache_count += e.records;
+  return e.irradiance;
 }
 
 // One ray by the glossy lobe; what it hits is lit directly and by the records, as eyes see it.

@@ -102,7 +102,7 @@ PathTracerResult trace_paths(const World& world, const CameraRays& camera,
   const int slots = resolve_thread_count(options.threads);
   std::vector<std::unique_ptr<ReferencePaths>> paths;
   for (int i = 0; i < slots; ++i)
-    paths.push_back(std::make_unique<ReferencePaths>(world, camera, options));
+    paths.push_back(std::make_unique<ReferencePaths>(world, options));
 
   const int most = options.noise ? options.max_samples : options.samples;
   std::atomic<bool> is_stopped = false;
@@ -129,7 +129,10 @@ PathTracerResult trace_paths(const World& world, const CameraRays& camera,
             const SamplePoints points(key, std::uint32_t(s));
             RandomStream random(random_key(key, s));
             const Vec2d jitter = points.square(0);
-            sums.add(paths[slot]->trace(camera.ray(px + jitter.x, py + jitter.y), points, random));
+            const Ray ray = camera.ray(px + jitter.x, py + jitter.y);
+            PixelResult sample = paths[slot]->trace(ray, points, random);
+            if (sample.z < kInfinity) sample.z *= ray.direction.dot(camera.forward());
+            sums.add(sample);
           }
         }
       if (!options.progress) return;

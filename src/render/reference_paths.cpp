@@ -68,9 +68,8 @@ struct ReferencePaths::Surface {
   }
 };
 
-ReferencePaths::ReferencePaths(const World& world, const CameraRays& camera,
-                               const PathTracerOptions& options)
-    : world_(world), camera_(camera), options_(options), tracker_(world.medium()) {
+ReferencePaths::ReferencePaths(const World& world, const PathTracerOptions& options)
+    : world_(world), options_(options), tracker_(world.medium()) {
   const Medium& medium = world.medium();
   if (medium.scatters()) {
     const double medium_diagonal =
@@ -295,7 +294,7 @@ PixelResult ReferencePaths::trace(const Ray& ray, const SamplePoints& points,
   if (hit.is_hit()) {
     const Surface surface = surface_at(hit, -ray.direction);
     result.alpha = 1;
-    result.z = (hit.position - ray.origin).dot(camera_.forward());
+    result.z = hit.t;
     result.normal = surface.shading_normal;
     result.position = hit.position;
     result.albedo = RgbD(surface.material->albedo) + RgbD(surface.material->specular);
@@ -353,6 +352,16 @@ void ReferencePaths::shade_eye(const Surface& s, const RgbD& transmittance,
         sample_specular(material, s.shading_normal, s.wo, points.square(kGlossyRay));
     follow(sample.wi, sample.pdf, sample.weight, Layer::GlossyDirect, Layer::GlossyIndirect);
   }
+}
+
+RgbD ReferencePaths::indirect_irradiance(const Hit& hit, const Vec3d& normal, const Vec2d& u,
+                                         RandomStream& random) {
+  if (options_.transport == Transport::Cached && options_.bounces < 1) return {};
+  const Vec3d local = sample_cosine_hemisphere(u), wi = Frame(normal).to_world(local);
+  const Vec3d above = hit.normal.dot(normal) >= 0 ? hit.normal : -hit.normal;
+  if (!(local.z > 0) || !(above.dot(wi) > 0)) return {};
+  const Vec3d p = hit.position + above * hit.offset;
+  return gather({{p, wi}, p, local.z * kInvPi}, RgbD(kPi), 0, random).indirect;
 }
 
 ReferencePaths::DrawnRay ReferencePaths::scattered_ray(const Vec3d& p, const Vec3d& direction,

@@ -15,11 +15,16 @@ namespace brume {
 // Scratch memory and counters of one thread; World and options must outlive it.
 class ReferencePaths {
  public:
-  ReferencePaths(const World& world, const CameraRays& camera, const PathTracerOptions& options);
+  ReferencePaths(const World& world, const PathTracerOptions& options);
 
-  // The answer of one sample. z is infinite and normal and position are 0 where the ray hits
-  // nothing.
+  // The answer of one sample. z is the distance, infinite where the ray hits nothing; normal and
+  // position are 0 there.
   PixelResult trace(const Ray& ray, const SamplePoints& points, RandomStream& random);
+
+  // One sample of irradiance at a point of a surface, on the side of the unit normal, but for what arrives
+  // straight from lights: diffuse_indirect without the albedo over pi. `u`: where its ray goes.
+  RgbD indirect_irradiance(const Hit& hit, const Vec3d& normal, const Vec2d& u,
+                           RandomStream& random);
 
   std::uint64_t rays() const { return rays_; }
   std::uint64_t lookups() const { return tracker_.lookups(); }
@@ -79,7 +84,6 @@ class ReferencePaths {
   Gathered gather_full(DrawnRay drawn, RgbD weight, RandomStream& random);
 
   const World& world_;
-  const CameraRays& camera_;
   const PathTracerOptions& options_;
   MediumTracker tracker_;
   std::vector<SingularLight> singular_lights_;

@@ -2,42 +2,17 @@
 // behind a wall is never an answer.
 #include <gtest/gtest.h>
 
-#include "support/smoky_rooms.h"
+#include "support/near_scenes.h"
 
 namespace brume {
 namespace {
 
+using test::block_on_ground;
+using test::far_settings;
 using test::Stage;
-
-BakeSettings settings_of(int bounces) {
-  BakeSettings s = test::coarse_settings(bounces);
-  s.max_radius = kInfinity;
-  return s;
-}
-
-// A red block and a wall on ground that goes `half` far, under a lamp.
-Scene block_on_ground(double half) {
-  Scene scene;
-  const auto grey = test::add_material(scene, test::diffuse(0.6f));
-  const auto red = test::add_material(scene, [] {
-    Material m;
-    m.albedo = Rgb(0.8f, 0.3f, 0.2f);
-    return m;
-  }());
-  test::add_rectangle(scene, {-half, -half, 0}, {2 * half, 0, 0}, {0, 2 * half, 0}, grey);
-  test::add_rectangle(scene, {-0.6, -0.5, 0}, {0, 0, 0.8}, {0, 1.2, 0}, red);
-  test::add_rectangle(scene, {-0.2, -0.2, 0}, {0.4, 0, 0}, {0, 0, 0.3}, red);
-  test::add_rectangle(scene, {0.2, -0.2, 0}, {0, 0.4, 0}, {0, 0, 0.3}, red);
-  test::add_rectangle(scene, {-0.2, 0.2, 0}, {0, -0.4, 0}, {0, 0, 0.3}, red);
-  scene.lights.emplace_back(PointLight{{0.9, -0.6, 1.4}, Rgb(3.0f)});
-  return scene;
-}
-
-BakeView view_of_block() {
-  BakeView view{"block", {}, 48, 36};
-  view.camera = {{1.4, -1.3, 0.9}, {-0.1, 0, 0.15}, {0, 0, 1}, 40};
-  return view;
-}
+using test::two_rooms;
+using test::view_along;
+using test::view_of_block;
 
 double mean_indirect(const PixelFilm& film) {
   double sum = 0;
@@ -51,7 +26,7 @@ struct Picture {
   double indirect;
 };
 Picture picture_of(const Scene& scene, int bounces) {
-  const Stage stage(scene, settings_of(bounces));
+  const Stage stage(scene, far_settings(bounces));
   const BakeResult baked = stage.bake(view_of_block());
   CachedRenderOptions options;
   options.samples = 4;
@@ -85,11 +60,11 @@ TEST(Near, AnotherUnitGivesTheSameRecords) {
     return scene;
   };
   BakeView view = view_of_block();
-  const Stage metres(in_unit(1), settings_of(2));
+  const Stage metres(in_unit(1), far_settings(2));
   const BakeResult a = metres.bake(view);
   view.camera.position /= 2;
   view.camera.look_at /= 2;
-  const Stage doubled(in_unit(2), settings_of(2));
+  const Stage doubled(in_unit(2), far_settings(2));
   const BakeResult b = doubled.bake(view);
   ASSERT_EQ(a.cache->records().size(), b.cache->records().size());
   for (std::size_t i = 0; i < a.cache->records().size(); ++i) {
@@ -105,28 +80,12 @@ TEST(Near, AnotherUnitGivesTheSameRecords) {
   }
 }
 
-class TwoRooms : public testing::TestWithParam<double> {
- protected:
-  // Side by side along x, a lamp in the left one, a wall of so much thickness between.
-  static Scene scene(double thickness) {
-    Scene scene;
-    const auto white = test::add_material(scene, test::diffuse(0.8f));
-    test::add_room(scene, Box3d({-2, -1, 0}, {0, 1, 2}), white);
-    test::add_room(scene, Box3d({thickness, -1, 0}, {2 + thickness, 1, 2}), white);
-    scene.lights.emplace_back(PointLight{{-0.6, 0, 1}, Rgb(5.0f)});
-    return scene;
-  }
-  static BakeView view(double x, double to) {
-    BakeView view{"room", {}, 32, 24};
-    view.camera = {{x, 0.3, 1.2}, {to, -0.4, 0.6}, {0, 0, 1}, 80};
-    return view;
-  }
-};
+class TwoRooms : public testing::TestWithParam<double> {};
 
 TEST_P(TwoRooms, NoLightComesThroughTheWall) {
   const double wall = GetParam();
-  const Stage stage(scene(wall), settings_of(3));
-  const BakeView lit = view(-1.6, -0.2), dark = view(wall + 1.6, wall + 0.2);
+  const Stage stage(two_rooms(wall), far_settings(3));
+  const BakeView lit = view_along(-1.6, -0.2), dark = view_along(wall + 1.6, wall + 0.2);
   CachedRenderOptions options;
   options.samples = 2;
   options.threads = 2;

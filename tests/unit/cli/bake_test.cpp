@@ -153,6 +153,39 @@ TEST_F(Bake, EverywhereCoversWhatNoCameraSees) {
   EXPECT_EQ(bake({"--cache-mode", "read", "-D", "/camera/look_at=[0,1,5]"}).code, 0);
 }
 
+TEST_F(Bake, ABakeAndARenderCheckTheirAnswers) {
+  const RunResult baked = bake({"--verify", "32"});
+  ASSERT_EQ(baked.code, 0) << baked.err;
+  EXPECT_THAT(baked.err, HasSubstr("verified at 32 points: bias "));
+  const auto check = baked.json()["verification"];
+  EXPECT_EQ(check["points"], 32);
+  EXPECT_GT(check["truth"], 0);
+  const RunResult rendered = render({"--cache-mode", "read"});
+  ASSERT_EQ(rendered.code, 0) << rendered.err;
+  EXPECT_EQ(rendered.json()["verification"]["points"], 64);
+  EXPECT_THAT(read("a.exr"), HasSubstr("brume:rmse"));
+  const RunResult unchecked = render({"--verify", "0"});
+  EXPECT_EQ(unchecked.code, 0);
+  EXPECT_FALSE(unchecked.json().contains("verification"));
+}
+
+TEST_F(Bake, AnswersWorseThanTheThresholdFailOnceAllIsWritten) {
+  const std::vector<std::string> coarse{"--cells", "1x3", "--error", "1", "--max-rmse", "1e-6"};
+  const RunResult baked = bake(coarse);
+  EXPECT_EQ(baked.code, 5);
+  EXPECT_THAT(baked.err, HasSubstr("is above --max-rmse 1e-06"));
+  EXPECT_TRUE(exists("c.irc"));
+  std::vector<std::string> read_mode = coarse;
+  read_mode.insert(read_mode.end(), {"--cache-mode", "read"});
+  EXPECT_EQ(render(read_mode).code, 5);
+  EXPECT_TRUE(exists("a.exr"));
+  // Also where there is nothing to bake.
+  EXPECT_EQ(bake(coarse).code, 5);
+  EXPECT_EQ(bake({"--max-rmse", "1", "--verify", "0"}).code, 2);
+  EXPECT_EQ(bake({"--max-rmse", "1", "--shard", "0/2"}).code, 2);
+  EXPECT_EQ(render({"--max-rmse", "1", "--gather-everywhere"}).code, 2);
+}
+
 TEST_F(Bake, VerifyFailsAboveItsThreshold) {
   ASSERT_EQ(bake().code, 0);
   const std::string scene = write_scene();

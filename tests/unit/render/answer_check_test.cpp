@@ -1,0 +1,119 @@
+// What checks a cache's answers finds nothing where they are true, and finds faults that were once
+// there.
+#include "render/answer_check.h"
+
+#include <gtest/gtest.h>
+
+#include "support/near_scenes.h"
+
+namespace brume {
+namespace {
+
+using test::Stage;
+
+BakeRequest request_of(const BakeView& view) {
+  BakeRequest request;
+  request.views = {view};
+  return request;
+}
+
+AnswerCheck check(const Stage& stage, const IrradianceCache& cache, const BakeRequest& request,
+                  int points = 64, int threads = 2) {
+  return check_answers(stage.lighting, stage.settings, cache,
+                       asked_points(stage.world, request, points, 1), threads);
+}
+
+// Records that reach as far as `radius` and ask for no ray: one of `step` is kept.
+IrradianceCache with_reach(const IrradianceCache& cache, float radius, std::size_t step = 1) {
+  std::vector<SurfaceRecord> records;
+  for (std::size_t i = 0; i < cache.records().size(); i += step) {
+    SurfaceRecord r = cache.records()[i];
+    r.radius[0] = r.radius[1] = radius;
+    r.flags |= kClearFlag;
+    records.push_back(r);
+  }
+  return {std::move(records), cache.origin()};
+}
+
+TEST(AnswerCheck, FindsTrueAnswersTrue) {
+  const Stage stage(test::smoky_room());
+  const auto cache = stage.bake(test::room_view(24, 18)).cache;
+  const AnswerCheck c = check(stage, *cache, request_of(test::room_view(24, 18)));
+  EXPECT_EQ(c.points, 64);
+  EXPECT_EQ(c.gathered, 0);
+  EXPECT_GT(c.truth, 0);
+  EXPECT_NEAR(c.bias, 0, 3 * c.bias_error);
+  EXPECT_LT(c.bias_error, 0.03);
+  EXPECT_LT(c.rmse_low, 0.06);
+  EXPECT_FALSE(c.is_doubtful());
+}
+
+TEST(AnswerCheck, IsTheSameForAnyNumberOfThreads) {
+  const Stage stage(test::smoky_room());
+  const auto cache = stage.bake(test::room_view(12, 9)).cache;
+  const BakeRequest request = request_of(test::room_view(12, 9));
+  const AnswerCheck one = check(stage, *cache, request, 16, 1);
+  const AnswerCheck three = check(stage, *cache, request, 16, 3);
+  EXPECT_EQ(one.bias, three.bias);
+  EXPECT_EQ(one.rmse, three.rmse);
+  EXPECT_EQ(one.worst_truth, three.worst_truth);
+  EXPECT_EQ(one.paths, three.paths);
+}
+
+TEST(AnswerCheck, DoubtsFewWideRecordsOnFarGround) {
+  const Stage stage(test::block_on_ground(1000), test::far_settings(2));
+  const auto cache = stage.bake(test::view_of_block()).cache;
+  const BakeRequest request = request_of(test::view_of_block());
+  EXPECT_FALSE(check(stage, *cache, request).is_doubtful());
+  EXPECT_TRUE(check(stage, with_reach(*cache, 5, 100), request).is_doubtful());
+}
+
+TEST(AnswerCheck, DoubtsLightThatComesThroughWalls) {
+  const Stage stage(test::two_rooms(0), test::far_settings(2));
+  const auto lit = stage.bake(test::view_along(-1.6, -0.2)).cache;
+  const BakeRequest dark = request_of(test::view_along(1.6, 0.2));
+  const AnswerCheck right = check(stage, *lit, dark, 16);
+  EXPECT_EQ(right.gathered, 16);
+  EXPECT_EQ(right.truth, 0);
+  EXPECT_EQ(right.answer, 0);
+  EXPECT_FALSE(right.is_doubtful());
+  const AnswerCheck leaking = check(stage, with_reach(*lit, 2), dark, 16);
+  EXPECT_GT(leaking.bias, 0.99);
+  EXPECT_TRUE(leaking.is_doubtful());
+}
+
+TEST(AskedPoints, AreSpreadOverPixelsOrAllSurfaces) {
+  const Stage stage(test::two_rooms(0.2));
+  BakeRequest views = request_of(test::view_along(-1.6, -0.2));
+  views.views.push_back(test::view_along(1.8, 0.4));
+  int left = 0;
+  for (const AskedPoint& p : asked_points(stage.world, views, 100, 1)) {
+    left += p.hit.position.x <= 1e-6;
+    EXPECT_GT(p.footprint, 0);
+    EXPECT_NEAR(p.normal.length(), 1, 1e-6);
+  }
+  EXPECT_EQ(left, 50);
+  BakeRequest all;
+  all.everywhere = true;
+  double height = 0;
+  const auto points = asked_points(stage.world, all, 400, 1);
+  ASSERT_EQ(points.size(), 400u);
+  for (const AskedPoint& p : points) {
+    EXPECT_EQ(p.footprint, 0);
+    height += p.hit.position.z / 400;
+  }
+  EXPECT_NEAR(height, 1, 0.1);
+}
+
+TEST(AskedPoints, AreNoneWhereNothingIsSeen) {
+  Scene empty;
+  empty.lights.emplace_back(PointLight{{0, 0, 1}, Rgb(1.0f)});
+  const World world(empty);
+  BakeRequest request = request_of(test::view_along(0, 1));
+  EXPECT_TRUE(asked_points(world, request, 8, 1).empty());
+  request.everywhere = true;
+  EXPECT_TRUE(asked_points(world, request, 8, 1).empty());
+}
+
+}  // namespace
+}  // namespace brume
