@@ -215,10 +215,10 @@ def check_order(data, blocks, starts):
               "the order of layer %d is none of its records" % layer)
 
 
-def read_solve(data, blocks, starts):
-    """What kind 4 holds under key 0: how the light of deep records was solved for."""
+def read_note(data, blocks, starts, key):
+    """What kind 4 holds under key 0, how the light of deep records was solved for, or 1, checks of answers."""
     note = b"".join(data[at:at + 64 * block["count"]] for block, at in zip(blocks, starts)
-                    if block["kind"] == 4 and block["first_key"] == 0)
+                    if block["kind"] == 4 and block["first_key"] == key)
     return json.loads(note.split(b"\0")[0]) if note else None
 
 
@@ -244,7 +244,8 @@ def main():
             print(json.dumps({**header, "blocks": blocks,
                               "record_count": sum(b["count"] for b in blocks
                                                   if b["kind"] in RECORD_KINDS),
-                              "solve": read_solve(data, blocks, starts)}, indent=1))
+                              "solve": read_note(data, blocks, starts, 0),
+                              "checks": read_note(data, blocks, starts, 1)}, indent=1))
     except Damaged as reason:
         print("error: %s: %s" % (options.file, reason), file=sys.stderr)
         return 3

@@ -64,7 +64,7 @@ void write_cache_contents(const std::filesystem::path& file, CacheContents conte
   std::size_t begin = 0;
   bool is_deep_sealed = false;
   const auto end_deep = [&] {
-    if (!is_deep_sealed) writer.seal_deep(volume, contents.solve);
+    if (!is_deep_sealed) writer.seal_deep(volume, contents.notes.solve);
     is_deep_sealed = true;
   };
   for (const std::size_t end : contents.batch_ends) {
@@ -74,6 +74,7 @@ void write_cache_contents(const std::filesystem::path& file, CacheContents conte
     begin = end;
   }
   end_deep();
+  writer.seal_checks(contents.notes.checks);
   if (!contents.curve_order.empty()) {  // As it was for other records: a part has its own.
     const IrradianceCache cache(std::move(records), contents.header.origin);
     for (int layer = 0; layer < cache.layers(); ++layer)

@@ -51,14 +51,20 @@ struct CacheHeader {
 
 inline constexpr int kCacheFormatVersion = 1;
 
+// What a file says besides its records, outside fingerprint and settings. Each is one line of JSON, or empty.
+struct CacheNotes {
+  std::string solve;   // How the light of deep records was solved for (DeepStats).
+  std::string checks;  // How true answers are (checks_text()).
+  friend bool operator==(const CacheNotes&, const CacheNotes&) = default;
+};
+
 struct CacheContents {
   CacheHeader header;
   std::vector<SurfaceRecord> records;  // In file order.
   // Index in `records` of the end of each seal(), so that a copy can be cut into the same blocks.
   std::vector<std::size_t> batch_ends;
   VolumeRecords volume;  // Of the medium, in file order.
-  // How the light of deep records was solved for (DeepStats): one line of JSON; empty for nothing.
-  std::string solve;
+  CacheNotes notes;
   // All surface records along the lookups' curve, layer by layer; empty where the file tells none.
   std::vector<std::uint32_t> curve_order;
   std::size_t sealed_blocks = 0;
@@ -88,6 +94,7 @@ struct CacheCheck {
 CacheCheck check_cache(const std::filesystem::path& file);
 
 class CacheJournal;
+class IrradianceCache;
 
 // Writes FILE.next, then renames it to FILE, so that FILE is what it was or whole. A file is a pure
 // function of what is passed in. Throws Error(Resource) naming path and bytes. The process must
@@ -108,8 +115,10 @@ class CacheWriter {
   void seal(const std::vector<SurfaceRecord>& records);
   // Between deep surface records and top ones, so that a file cut short that holds any top record holds
   // all deep ones: those of the medium, in VolumeRecordOrder, of the header's volume_order, and
-  // CacheContents::solve.
+  // CacheNotes::solve.
   void seal_deep(const VolumeRecords& records, const std::string& solve);
+  // CacheNotes::checks, after all records.
+  void seal_checks(const std::string& checks);
   // IrradianceCache::curve_order(), after all records: with it a cache opens faster.
   void seal_order(int layer, std::span<const std::uint32_t> order);
   // Footer, fsync, rename, fsync of the folder.
@@ -121,5 +130,10 @@ class CacheWriter {
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
+
+// All of `cache` as FILE. Throws what CacheWriter throws.
+void write_cache(const std::filesystem::path& file, CacheHeader header,
+                 const IrradianceCache& cache, const CacheNotes& notes = {},
+                 const CacheJournal* journal = nullptr);
 
 }  // namespace brume

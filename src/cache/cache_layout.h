@@ -35,11 +35,11 @@ inline constexpr std::uint64_t kOffsetUnit = 64, kMaxFileBytes = kOffsetUnit << 
 
 // What a block holds; the size of one stands in the header's table.
 // Order: sixteen indices of surface records, 4 bytes each, along the curve that lookups sort by.
-// Note: bytes that go with the record of the key that the block names, in units of kNoteUnitBytes; key 0
-// for what goes with all of them. The blocks of one note follow each other, the last ends its batch.
+// Note: bytes that go with the record of the key that the block names, in units of kNoteUnitBytes; keys 0
+// and 1 for what goes with all of them. The blocks of one note follow each other, the last ends its batch.
 enum class RecordKind : std::uint8_t { Surface = 1, Volume = 2, Order = 3, Note = 4 };
 inline constexpr std::uint32_t kNoteUnitBytes = 64;
-inline constexpr std::uint64_t kKeyOfSolve = 0;  // CacheContents::solve.
+inline constexpr std::uint64_t kKeyOfSolve = 0, kKeyOfChecks = 1;  // CacheNotes.
 inline constexpr std::size_t kKinds = 4;
 inline constexpr std::size_t kIndicesPerOrder = 16;
 inline constexpr std::uint32_t kNoIndex = 0xffffffff;  // Fills the last entry of a layer.

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <set>
 
+#include "cache/answer_check.h"
 #include "core/error.h"
 
 namespace brume {
@@ -65,12 +66,12 @@ void merge_volumes(const std::vector<MergeInput>& inputs, MergedCache& merged) {
   const MergeInput* first = nullptr;
   for (const MergeInput& input : inputs) {
     const CacheContents& contents = input.contents;
-    if (contents.volume.size() == 0 && contents.solve.empty()) continue;
+    if (contents.volume.size() == 0 && contents.notes.solve.empty()) continue;
     if (!first) {
       first = &input;
       merged.volume = contents.volume;
-      merged.solve = contents.solve;
-    } else if (!(contents.volume == merged.volume) || contents.solve != merged.solve) {
+      merged.notes.solve = contents.notes.solve;
+    } else if (!(contents.volume == merged.volume) || contents.notes.solve != merged.notes.solve) {
       refuse(*first, input,
              "the records of the medium, or the solve for their light, differ: one of them was made "
              "by another build or a broken machine: bake again");
@@ -100,6 +101,10 @@ MergedCache merge_caches(const std::vector<MergeInput>& inputs) {
     for (const SurfaceRecord& record : input.contents.records) all.push_back({&record, &input});
   }
   merge_volumes(inputs, merged);
+  CheckedRequests checked;
+  for (const MergeInput& input : inputs)
+    checked = united(checked, read_checks(input.contents.notes.checks));
+  merged.notes.checks = checks_text(checked);
   merged.header = header;
   // Two versions of the program may make the same records; the later name stands for both.
   for (const MergeInput& input : inputs)

@@ -17,7 +17,7 @@ struct MergedCache {
   CacheHeader header;  // `shards` is empty where none is missing.
   std::vector<SurfaceRecord> records;
   VolumeRecords volume;
-  std::string solve;         // CacheContents::solve.
+  CacheNotes notes;
   std::size_t repeated = 0;  // Records that more than one input held.
   ShardSet shards;           // Of the inputs together; its missing() is still to be baked.
 };

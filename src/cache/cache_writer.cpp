@@ -85,6 +85,11 @@ void CacheWriter::seal_deep(const VolumeRecords& records, const std::string& sol
   impl_->chain.write_note(cache_layout::kKeyOfSolve, bytes, 0);
 }
 
+void CacheWriter::seal_checks(const std::string& checks) {
+  const std::vector<unsigned char> bytes(checks.begin(), checks.end());
+  impl_->chain.write_note(cache_layout::kKeyOfChecks, bytes, 0);
+}
+
 void CacheWriter::seal_order(int layer, std::span<const std::uint32_t> order) {
   impl_->chain.write_order(layer, order);
 }
@@ -102,14 +107,14 @@ void CacheWriter::finish() {
 }
 
 void write_cache(const std::filesystem::path& file, CacheHeader header,
-                 const IrradianceCache& cache, const std::string& solve,
+                 const IrradianceCache& cache, const CacheNotes& notes,
                  const CacheJournal* journal) {
   header.volume_order = volume_order_of(cache.volume()->all());
   CacheWriter writer(file, header, journal);
   const auto records = cache.records();
   bool is_deep_sealed = false;
   const auto end_deep = [&] {
-    if (!is_deep_sealed) writer.seal_deep(cache.volume()->all(), solve);
+    if (!is_deep_sealed) writer.seal_deep(cache.volume()->all(), notes.solve);
     is_deep_sealed = true;
   };
   for (auto run = records.begin(); run != records.end();) {
@@ -121,6 +126,7 @@ void write_cache(const std::filesystem::path& file, CacheHeader header,
     run = end;
   }
   end_deep();
+  writer.seal_checks(notes.checks);
   for (int layer = 0; layer < cache.layers(); ++layer)
     if (const auto order = cache.curve_order(layer); !order.empty())
       writer.seal_order(layer, order);

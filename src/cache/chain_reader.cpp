@@ -279,7 +279,8 @@ class Reader {
   }
 
   bool keeps_note(const Block& block) const {
-    return keeps_notes_ || block.header.first_key == kKeyOfSolve;
+    return keeps_notes_ || block.header.first_key == kKeyOfSolve ||
+           block.header.first_key == kKeyOfChecks;
   }
 
   // A note that is not followed to its end is none.
@@ -289,8 +290,11 @@ class Reader {
     note_key_ = block.header.first_key;
     note_.insert(note_.end(), bytes.begin(), bytes.end());
     if ((block.header.flags & kBatchEnds) == 0) return;
+    const std::string text(note_.begin(), std::find(note_.begin(), note_.end(), 0));
     if (note_key_ == kKeyOfSolve)
-      contents().solve.assign(note_.begin(), std::find(note_.begin(), note_.end(), 0));
+      contents().notes.solve = text;
+    else if (note_key_ == kKeyOfChecks && !keeps_notes_)
+      contents().notes.checks = text;
     else
       notes_.insert_or_assign(note_key_, std::move(note_));
     note_.clear();

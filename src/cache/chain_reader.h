@@ -16,7 +16,7 @@ struct ChainReading {
 struct ChainReadingOptions {
   std::optional<Fingerprint> expected{};
   bool stops_at_bad_records = false;
-  bool keeps_notes = false;  // Else only that of the solve.
+  bool keeps_notes = false;  // Else only those of CacheNotes.
 };
 
 // What `file`, of `bytes` bytes, holds up to the first thing wrong with it.

@@ -97,12 +97,4 @@ class IrradianceCache {
   std::shared_ptr<const VolumeCache> volume_;
 };
 
-class CacheJournal;
-struct CacheHeader;
-
-// All of `cache` as FILE, with CacheContents::solve. Throws what CacheWriter throws.
-void write_cache(const std::filesystem::path& file, CacheHeader header,
-                 const IrradianceCache& cache, const std::string& solve = "",
-                 const CacheJournal* journal = nullptr);
-
 }  // namespace brume

@@ -133,7 +133,7 @@ FilteredCache filter_records(CacheContents contents, const RecordFilter& filter)
   result.contents.header = contents.header;
   if (keeps_medium) {
     result.contents.volume = std::move(contents.volume);
-    result.contents.solve = std::move(contents.solve);
+    result.contents.notes.solve = std::move(contents.notes.solve);
   }
   for (std::size_t i = 0; i < records.size(); ++i) {
     if (!keep[i]) continue;

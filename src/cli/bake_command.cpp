@@ -161,8 +161,9 @@ int bake_scene(const BakeOptions& options, const CommandContext& context) {
     std::optional<AnswerCheck> check;
     if (options.check.is_asked_for()) {
       const Lighting lighting = make_lighting();
-      check = check_and_tell(options.check, context, lighting, settings, *session.existing(),
-                             request, nullptr, statistics);
+      check = tell_check(check_request(options.check, lighting, settings, *session.existing(),
+                                       request, nullptr, statistics),
+                         *session.existing(), context, statistics);
     }
     report(context, session, statistics, false);
     require_max_rmse(options.check, check, session.file().string());
@@ -185,11 +186,13 @@ int bake_scene(const BakeOptions& options, const CommandContext& context) {
   statistics.records = baked.cache->size();
   statistics.describe(baked.deep);
   if (!baked.is_stopped) progress.finish();
-  const bool is_saved = statistics.timed("write", [&] { return session.save(baked, request); });
-  std::optional<AnswerCheck> check;
+  std::optional<CheckedRequest> checked;
   if (!baked.is_stopped)
-    check = check_and_tell(options.check, context, lighting, settings, *baked.cache, request,
-                           baked.scattered, statistics);
+    checked = check_request(options.check, lighting, settings, *baked.cache, request,
+                            baked.scattered, statistics);
+  const bool is_saved =
+      statistics.timed("write", [&] { return session.save(baked, request, checked); });
+  const auto check = tell_check(checked, *baked.cache, context, statistics);
   report(context, session, statistics, is_saved);
   require_max_rmse(options.check, check, session.file().string());
   if (baked.is_stopped && choice.mode == CacheMode::New)

@@ -162,7 +162,7 @@ void CacheSession::read() {
   switch (opening.state) {
     case CacheState::Loaded: {
       CacheContents& contents = opening.contents;
-      solve_ = contents.solve;
+      notes_ = contents.notes;
       existing_ = std::make_shared<IrradianceCache>(cache_of(contents));
       shards_ = contents.header.shards;
       is_on_disk_ = true;
@@ -218,7 +218,8 @@ void CacheSession::begin(const World& world, const JournalOptions& options, Bake
   request.journal = journal_.get();
 }
 
-bool CacheSession::save(const BakeResult& baked, const BakeRequest& request) {
+bool CacheSession::save(const BakeResult& baked, const BakeRequest& request,
+                        const std::optional<CheckedRequest>& checked) {
   if (!journal_) return false;
   const ShardSet shards = shards_after(shards_, request, baked.is_stopped);
   CacheHeader file_header = header(baked.cache->origin());
@@ -237,7 +238,7 @@ bool CacheSession::save(const BakeResult& baked, const BakeRequest& request) {
   // A stopped bake that has nothing yet makes no cache of that, and replaces none by it.
   const bool is_written = is_changed && !(baked.is_stopped && cache->size() == 0);
   if (is_written) {
-    write_cache(file_, file_header, *cache, solve(baked.deep), journal_.get());
+    write_cache(file_, file_header, *cache, notes(baked.deep, checked), journal_.get());
     is_on_disk_ = true;
   }
   if (baked.is_stopped)
@@ -247,14 +248,19 @@ bool CacheSession::save(const BakeResult& baked, const BakeRequest& request) {
   return is_written;
 }
 
-std::string CacheSession::solve(const DeepStats& deep) const {
-  return deep.is_solved() ? deep.to_json() : solve_;
+CacheNotes CacheSession::notes(const DeepStats& deep,
+                               const std::optional<CheckedRequest>& checked) const {
+  CacheNotes notes = notes_;
+  if (deep.is_solved()) notes.solve = deep.to_json();
+  if (checked)
+    notes.checks = checks_text(united(read_checks(notes.checks), {*checked}));
+  return notes;
 }
 
 void CacheSession::save_snapshot(const IrradianceCache& cache, const DeepStats& deep) const {
   CacheHeader file_header = header(cache.origin());
   file_header.shards = shards_;
-  write_cache(file_, file_header, cache, solve(deep), journal_.get());
+  write_cache(file_, file_header, cache, notes(deep, std::nullopt), journal_.get());
 }
 
 std::optional<fs::path> CacheSession::checkpoint() const {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "bake/bake.h"
+#include "cache/answer_check.h"
 #include "cache/cache_journal.h"
 
 namespace brume {
@@ -61,7 +62,9 @@ class CacheSession {
   void begin(const World& world, const JournalOptions& options, BakeRequest& request);
   // Writes what was baked, if a file was named and anything in it changes. Returns whether it did;
   // otherwise the file is untouched. A stopped bake also keeps its journal.
-  bool save(const BakeResult& baked, const BakeRequest& request);
+  // `checked`: how true its answers are, if that is known.
+  bool save(const BakeResult& baked, const BakeRequest& request,
+            const std::optional<CheckedRequest>& checked = std::nullopt);
   // What a bake has so far, while it goes on.
   void save_snapshot(const IrradianceCache& cache, const DeepStats& deep) const;
   // A file of this session, if not its cache then its journal, that the same command goes on from.
@@ -69,8 +72,8 @@ class CacheSession {
 
  private:
   void read();
-  // CacheContents::solve: of this bake, or what the file said.
-  std::string solve(const DeepStats& deep) const;
+  // Of this bake, or what the file said; checks of both.
+  CacheNotes notes(const DeepStats& deep, const std::optional<CheckedRequest>& checked) const;
   CacheHeader header(const Vec3d& origin) const;
 
   std::filesystem::path file_;
@@ -79,7 +82,7 @@ class CacheSession {
   Fingerprint fingerprint_;
   std::shared_ptr<const IrradianceCache> existing_;
   ShardSet shards_;    // Of the existing cache.
-  std::string solve_;  // Too.
+  CacheNotes notes_;   // Too.
   FileIdentity identity_;
   std::unique_ptr<CacheJournal> journal_;
   bool is_on_disk_ = false;  // A cache of ours is there under the name.

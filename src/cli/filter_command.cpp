@@ -98,7 +98,7 @@ CacheContents read_input(const FilterOptions& options, const CommandContext& con
   if (contents.records.empty() || contents.records.back().layer() != kTopLayer) {
     contents.records.clear();
     contents.volume = {};
-    contents.solve.clear();
+    contents.notes = {};
   }
   return contents;
 }

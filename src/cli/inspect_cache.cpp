@@ -9,6 +9,7 @@
 #include "cli/cache_session.h"
 #include "cli/outputs.h"
 #include "cli/record_page.h"
+#include "cli/self_check.h"
 #include "cli/text_table.h"
 #include "core/error.h"
 
@@ -268,7 +269,7 @@ std::string shown_waves(const std::map<int, std::size_t>& waves) {
 
 // How the light of deep records was solved for; null where the file tells nothing.
 Json solve_json(const CacheContents& contents) {
-  const Json solve = Json::parse(contents.solve, nullptr, false);
+  const Json solve = Json::parse(contents.notes.solve, nullptr, false);
   return solve.is_object() ? solve : Json(nullptr);
 }
 
@@ -292,6 +293,10 @@ void print_solve(std::ostream& out, const CacheContents& contents) {
     print_row(out, "scatterings",
               number("scatterings") + " between two orders" +
                   (solve.value("accelerated", false) ? ", the rest by GMRES" : ""));
+}
+
+AnswerCheck answer_check(const CacheContents& contents) {
+  return summarise(read_checks(contents.notes.checks), contents.records, contents.header.origin);
 }
 
 void print_summary(std::ostream& out, const std::filesystem::path& file, const CacheCheck& check,
@@ -330,6 +335,8 @@ void print_summary(std::ostream& out, const std::filesystem::path& file, const C
               shown_waves(summary.volume_counts) + "; moments up to order " +
                   std::to_string(contents.volume.order));
   print_solve(out, contents);
+  if (const AnswerCheck answers = answer_check(contents); answers.points > 0)
+    print_row(out, "answers", check_sentence(answers));
 }
 
 Json summary_json(const CacheCheck& check, const Summary& summary) {
@@ -340,6 +347,8 @@ Json summary_json(const CacheCheck& check, const Summary& summary) {
   object["record_count"] = contents.records.size() + contents.volume.size();
   object["records"] = {{"surface", contents.records.size()}, {"volume", contents.volume.size()}};
   object["solve"] = solve_json(contents);
+  const AnswerCheck answers = answer_check(contents);
+  object["verification"] = answers.points > 0 ? check_json(answers) : Json(nullptr);
   object["fingerprint"] = contents.header.fingerprint.hex();
   object["creator"] = printable(contents.header.creator);
   object["settings"] = settings_json(contents.header.settings);

@@ -4,6 +4,7 @@
 #include "cache/irradiance_cache.h"
 #include "cli/commands.h"
 #include "cli/outputs.h"
+#include "cli/self_check.h"
 #include "cli/values.h"
 #include "core/error.h"
 
@@ -39,7 +40,7 @@ int merge(const MergeOptions& options, const CommandContext& context) {
   const IrradianceCache cache(
       std::move(merged.records), merged.header.origin, {},
       std::make_shared<VolumeCache>(std::move(merged.volume), merged.header.origin));
-  write_cache(options.output, merged.header, cache, merged.solve);
+  write_cache(options.output, merged.header, cache, merged.notes);
 
   const std::vector<std::uint32_t> missing = merged.shards.missing();
   const std::string file = printable(options.output.string());
@@ -54,6 +55,9 @@ int merge(const MergeOptions& options, const CommandContext& context) {
   context.note(file + ": " + std::to_string(cache.size()) + " records from " +
                std::to_string(options.files.size()) + " caches, " +
                std::to_string(merged.repeated) + " of them repeated");
+  const AnswerCheck answers =
+      summarise(read_checks(merged.notes.checks), cache.records(), cache.origin());
+  if (answers.points > 0) context.note(file + ": " + check_sentence(answers));
   if (!missing.empty())
     context.warn(file + ": unfinished: missing shard" + (missing.size() > 1 ? "s " : " ") +
                  shown_list(missing, merged.shards.count) +

@@ -85,6 +85,7 @@ class RenderRun {
   int render_with_records(const World& world, const CameraRays& rays);
   int render_with_paths(const World& world, const CameraRays& rays);
   BakeRequest request_of_view() const;
+  void check_answers_of_view(const Lighting& lighting, const BakeSettings& settings);
   int bake_view(const Lighting& lighting, const BakeSettings& settings, CacheSession& session);
   void write_images(const World& world, const CameraRays& rays);
   void summarise() const;
@@ -102,6 +103,7 @@ class RenderRun {
   std::shared_ptr<const IrradianceCache> cache_;
   Scattered scattered_;  // Of this run's bake.
   std::optional<Fingerprint> cache_fingerprint_;
+  std::optional<CheckedRequest> checked_;
   std::optional<AnswerCheck> check_;
   int samples_ = 0;
 };
@@ -140,6 +142,12 @@ BakeRequest RenderRun::request_of_view() const {
   return request;
 }
 
+void RenderRun::check_answers_of_view(const Lighting& lighting, const BakeSettings& settings) {
+  if (!options_.pixel)
+    checked_ = check_request(options_.check, lighting, settings, *cache_, request_of_view(),
+                             scattered_, statistics_);
+}
+
 int RenderRun::bake_view(const Lighting& lighting, const BakeSettings& settings,
                          CacheSession& session) {
   cache_ = session.existing();
@@ -162,7 +170,9 @@ int RenderRun::bake_view(const Lighting& lighting, const BakeSettings& settings,
   cache_ = baked.cache;
   scattered_ = baked.scattered;
   if (!baked.is_stopped) progress_.finish();
-  const bool is_saved = statistics_.timed("write", [&] { return session.save(baked, request); });
+  if (!baked.is_stopped) check_answers_of_view(lighting, settings);
+  const bool is_saved =
+      statistics_.timed("write", [&] { return session.save(baked, request, checked_); });
   if (is_saved)
     context_.note(printable(session.file().string()) + ": " +
                   std::to_string(baked.stats.records_added) + " records added, " +
@@ -182,9 +192,8 @@ int RenderRun::render_with_records(const World& world, const CameraRays& rays) {
   if (const int stopped = bake_view(lighting, settings, session)) return stopped;
   cache_fingerprint_ = session.fingerprint();
   statistics_.records = cache_->size();
-  if (!options_.pixel)
-    check_ = check_and_tell(options_.check, context_, lighting, settings, *cache_,
-                            request_of_view(), scattered_, statistics_);
+  if (!checked_) check_answers_of_view(lighting, settings);
+  check_ = tell_check(checked_, *cache_, context_, statistics_);
 
   CachedRenderOptions render;
   samples_ = render.samples = options_.sample_count();

@@ -7,7 +7,7 @@
 #include "cli/statistics.h"
 #include "core/hash.h"
 #include "core/image.h"
-#include "render/answer_check.h"
+#include "cache/answer_check.h"
 #include "scene/camera_rays.h"
 #include "scene/scene.h"
 

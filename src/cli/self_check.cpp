@@ -16,13 +16,13 @@ std::string percent(double part) {
   return text;
 }
 
-std::string sentence(const AnswerCheck& c) {
+}  // namespace
+
+std::string check_sentence(const AnswerCheck& c) {
   return "verified at " + std::to_string(c.points) + " points: bias " + percent(c.bias) + " +- " +
          percent(c.bias_error) + ", RMSE " + percent(c.rmse) + " (at most " + percent(c.rmse_high) +
          ")";
 }
-
-}  // namespace
 
 void add_self_check_options(CLI::App& verb, CommandContext& context, SelfCheckOptions& options) {
   with_environment(
@@ -62,27 +62,35 @@ Json check_json(const AnswerCheck& c) {
   return all;
 }
 
-std::optional<AnswerCheck> check_and_tell(const SelfCheckOptions& options,
-                                          const CommandContext& context, const Lighting& lighting,
-                                          const BakeSettings& settings,
-                                          const IrradianceCache& cache, const BakeRequest& request,
-                                          const Scattered& scattered, Statistics& statistics) {
+std::optional<CheckedRequest> check_request(const SelfCheckOptions& options,
+                                            const Lighting& lighting, const BakeSettings& settings,
+                                            const IrradianceCache& cache,
+                                            const BakeRequest& request, const Scattered& scattered,
+                                            Statistics& statistics) {
   const int count = options.points.value_or(kCheckedPoints);
-  if (count == 0 || request.deep_only || request.shard.count > 1) return std::nullopt;
-  const AnswerCheck check = statistics.timed("verify", [&] {
-    const auto points = asked_points(lighting.world(), request, count, settings.seed);
-    return check_answers(lighting, settings, cache, points, context.threads, scattered);
+  if (count == 0 || request.deep_only) return std::nullopt;
+  CheckedRequest checked = statistics.timed("verify", [&] {
+    return check_answers(lighting, settings, cache, request, count, scattered);
   });
+  if (checked.points.empty()) return std::nullopt;
+  return checked;
+}
+
+std::optional<AnswerCheck> tell_check(const std::optional<CheckedRequest>& checked,
+                                      const IrradianceCache& cache, const CommandContext& context,
+                                      Statistics& statistics) {
+  if (!checked) return std::nullopt;
+  const AnswerCheck check = summarise({*checked}, cache.records(), cache.origin());
   if (check.points == 0) return std::nullopt;
   statistics.details["verification"] = check_json(check);
   if (!check.is_doubtful()) {
-    context.note(sentence(check));
+    context.note(check_sentence(check));
     return check;
   }
   const Vec3d& p = check.worst_position;
-  context.warn("answers of records are off: " + sentence(check) + "; at " + shown_number(p.x) +
-               "," + shown_number(p.y) + "," + shown_number(p.z) + " they say " +
-               shown_number(check.worst_answer) + " where paths find " +
+  context.warn("answers of records are off: " + check_sentence(check) + "; at " +
+               shown_number(p.x) + "," + shown_number(p.y) + "," + shown_number(p.z) +
+               " they say " + shown_number(check.worst_answer) + " where paths find " +
                shown_number(check.worst_truth) +
                ": bake anew with a smaller --error or more --cells");
   return check;

@@ -7,7 +7,7 @@
 
 #include "cli/command.h"
 #include "cli/statistics.h"
-#include "render/answer_check.h"
+#include "render/check_answers.h"
 
 namespace brume {
 
@@ -22,20 +22,26 @@ void add_self_check_options(CLI::App& verb, CommandContext& context, SelfCheckOp
 // Throws Error(Usage) for a threshold without points.
 void require_sense(const SelfCheckOptions& options);
 
-// Checks where `request` asks and tells the result, in statistics as "verification"; nothing where
-// that is switched off, or the request is for a part that answers nothing by itself (a shard, deep
-// records).
-std::optional<AnswerCheck> check_and_tell(const SelfCheckOptions& options,
-                                          const CommandContext& context, const Lighting& lighting,
-                                          const BakeSettings& settings,
-                                          const IrradianceCache& cache, const BakeRequest& request,
-                                          const Scattered& scattered, Statistics& statistics);
+// Checks where `request` asks; nothing where that is switched off or only deep records are wanted.
+std::optional<CheckedRequest> check_request(const SelfCheckOptions& options,
+                                            const Lighting& lighting, const BakeSettings& settings,
+                                            const IrradianceCache& cache,
+                                            const BakeRequest& request, const Scattered& scattered,
+                                            Statistics& statistics);
+
+// Tells the result, in statistics as "verification", with a warning where it is doubtful; nothing
+// where nothing was checked.
+std::optional<AnswerCheck> tell_check(const std::optional<CheckedRequest>& checked,
+                                      const IrradianceCache& cache, const CommandContext& context,
+                                      Statistics& statistics);
 
 // Throws Error(Threshold) where the check says that --max-rmse is surely broken; `file` names the
 // cache, if any.
 void require_max_rmse(const SelfCheckOptions& options, const std::optional<AnswerCheck>& check,
                       const std::string& file);
 
+// "verified at 64 points: bias ...".
+std::string check_sentence(const AnswerCheck& check);
 Json check_json(const AnswerCheck& check);
 
 }  // namespace brume

@@ -33,7 +33,8 @@ std::string text_header_line(const CacheContents& contents) {
   object["settings"] = header.settings;
   object["creator"] = header.creator;
   object["records"] = contents.records.size();
-  if (!contents.solve.empty()) object["solve"] = contents.solve;
+  if (!contents.notes.solve.empty()) object["solve"] = contents.notes.solve;
+  if (!contents.notes.checks.empty()) object["checks"] = contents.notes.checks;
   if (header.shards.count > 0)
     object["shards"] = {{"request", header.shards.request},
                         {"count", header.shards.count},
@@ -105,7 +106,8 @@ TextHeader parse_text_header(const std::string& line, const std::string& place) 
     }
     if (!header.shards.is_valid()) refuse("shards are not parts of one bake");
   }
-  if (object.contains("solve")) result.solve = text("solve");
+  if (object.contains("solve")) result.notes.solve = text("solve");
+  if (object.contains("checks")) result.notes.checks = text("checks");
   result.has_lookup_order = object.value("lookup_order", Json(false)) == Json(true);
   if (object.contains("records")) {
     if (!object["records"].is_number_unsigned()) refuse("records is no count");

@@ -15,7 +15,7 @@ struct TextHeader {
   std::optional<std::size_t> records;
   std::vector<std::size_t> batch_ends;  // Empty: one batch for each layer and wave.
   bool has_lookup_order = false;
-  std::string solve;  // CacheContents::solve.
+  CacheNotes notes;
 };
 
 inline constexpr int kTextVersion = 1;

@@ -298,7 +298,7 @@ CacheContents read_text_records(const std::filesystem::path& file) {
                     " records, its first line tells of " + std::to_string(*header.records) +
                     ": cut off, or edited: then set \"records\" there");
   contents.header = std::move(header.header);
-  contents.solve = std::move(header.solve);
+  contents.notes = std::move(header.notes);
   contents.batch_ends = header.batch_ends.empty() ? standard_batch_ends(contents.records)
                                                   : std::move(header.batch_ends);
   if (header.has_lookup_order)

@@ -108,7 +108,8 @@ TEST(CacheFile, ThisVersionStillWritesTheSameBytes) {
   CacheHeader header = sample_header();
   header.shards = sample_shards();
   const ScratchFolder folder;
-  write_cache(folder / "a.irc", header, sample_cache(sample_volume_records(20, 1)), kSampleSolve);
+  write_cache(folder / "a.irc", header, sample_cache(sample_volume_records(20, 1)),
+              {kSampleSolve, ""});
   EXPECT_EQ(read_bytes(folder / "a.irc"), read_bytes(golden));
   EXPECT_EQ(open_cache(golden, {}).contents.header.format_minor, 2);
 }
@@ -120,12 +121,12 @@ TEST(CacheFile, RecordsOfTheMediumComeBackAtEveryOrder) {
     const VolumeRecords later = sample_volume_records(70, order, 3);
     for (std::size_t i = 0; i < later.size(); ++i)
       volume.push_back(later.records[i], later.moments_of(i));
-    write_cache(folder / "a.irc", sample_header(), sample_cache(volume), kSampleSolve);
+    write_cache(folder / "a.irc", sample_header(), sample_cache(volume), kSampleNotes);
     const CacheOpening opening = open_cache(folder / "a.irc", sample_header().fingerprint);
     ASSERT_EQ(opening.state, CacheState::Loaded) << opening.reason;
     EXPECT_EQ(opening.contents.header.volume_order, order);
     EXPECT_TRUE(opening.contents.volume == volume) << order;
-    EXPECT_EQ(opening.contents.solve, kSampleSolve);
+    EXPECT_EQ(opening.contents.notes, kSampleNotes);
     write_cache_contents(folder / "b.irc", opening.contents);
     EXPECT_TRUE(read_bytes(folder / "a.irc") == read_bytes(folder / "b.irc"));
   }
@@ -134,7 +135,7 @@ TEST(CacheFile, RecordsOfTheMediumComeBackAtEveryOrder) {
 TEST(CacheFile, AFileCutAfterAnyTopRecordHoldsAllDeepOnes) {
   const ScratchFolder folder;
   const VolumeRecords volume = sample_volume_records(300, 2);
-  write_cache(folder / "a.irc", sample_header(), sample_cache(volume), kSampleSolve);
+  write_cache(folder / "a.irc", sample_header(), sample_cache(volume), kSampleNotes);
   const std::string whole = read_bytes(folder / "a.irc");
   int cut_in_medium = 0;
   for (std::size_t size = 4096; size < whole.size(); size += 512) {
@@ -144,7 +145,7 @@ TEST(CacheFile, AFileCutAfterAnyTopRecordHoldsAllDeepOnes) {
     cut_in_medium += held.volume.size() == 0;
     if (held.records.empty() || held.records.back().layer() != kTopLayer) continue;
     EXPECT_TRUE(held.volume == volume);
-    EXPECT_EQ(held.solve, kSampleSolve);
+    EXPECT_EQ(held.notes.solve, kSampleSolve);
   }
   EXPECT_GT(cut_in_medium, 3);
 }

@@ -109,18 +109,19 @@ TEST_F(IndependentReader, ReadsCachesAsBakesWriteThem) {
   EXPECT_EQ(std::count(listing.output.begin(), listing.output.end(), '\n'), 341);
 }
 
-TEST_F(IndependentReader, ReadsRecordsOfTheMediumAndTheSolve) {
+TEST_F(IndependentReader, ReadsRecordsOfTheMediumAndNotes) {
   const VolumeRecords volume = sample_volume_records(40, 2);
   const Vec3d origin = sample_header().origin;
   write_cache(file_, sample_header(),
               IrradianceCache(sample_records(30), origin, {},
                               std::make_shared<VolumeCache>(volume, origin)),
-              kSampleSolve);
+              kSampleNotes);
   const ProgramRun shown = read("");
   ASSERT_EQ(shown.status, 0) << shown.output;
   const auto header = nlohmann::json::parse(shown.output);
   EXPECT_EQ(header["record_count"], 70);
   EXPECT_EQ(header["solve"], nlohmann::json::parse(kSampleSolve));
+  EXPECT_EQ(header["checks"], nlohmann::json::parse(kSampleNotes.checks));
   const ProgramRun listing = read("--records");
   std::istringstream lines(listing.output);
   std::string line;

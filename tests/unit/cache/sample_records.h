@@ -79,6 +79,7 @@ inline VolumeRecords sample_volume_records(std::size_t count, int order, int wav
 }
 
 inline const char* const kSampleSolve = R"({"orders":3,"changes":[0.5,0.25],"ratio":0.5})";
+inline const CacheNotes kSampleNotes{kSampleSolve, R"([{"request":7,"points":[]}])"};
 
 inline CacheHeader sample_header() {
   CacheHeader header;

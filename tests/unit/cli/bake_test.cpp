@@ -160,6 +160,8 @@ TEST_F(Bake, ABakeAndARenderCheckTheirAnswers) {
   const auto check = baked.json()["verification"];
   EXPECT_EQ(check["points"], 32);
   EXPECT_GT(check["truth"], 0);
+  const RunResult inspected = brume({"inspect", path("c.irc"), "--json"});
+  EXPECT_EQ(inspected.json()["verification"], check);
   const RunResult rendered = render({"--cache-mode", "read"});
   ASSERT_EQ(rendered.code, 0) << rendered.err;
   EXPECT_EQ(rendered.json()["verification"]["points"], 64);
@@ -182,7 +184,7 @@ TEST_F(Bake, AnswersWorseThanTheThresholdFailOnceAllIsWritten) {
   // Also where there is nothing to bake.
   EXPECT_EQ(bake(coarse).code, 5);
   EXPECT_EQ(bake({"--max-rmse", "1", "--verify", "0"}).code, 2);
-  EXPECT_EQ(bake({"--max-rmse", "1", "--shard", "0/2"}).code, 2);
+  EXPECT_EQ(bake({"--max-rmse", "1", "--deep-only"}).code, 2);
   EXPECT_EQ(render({"--max-rmse", "1", "--gather-everywhere"}).code, 2);
 }
 

@@ -1,6 +1,6 @@
 // What checks a cache's answers finds nothing where they are true, and finds faults that were once
 // there.
-#include "render/answer_check.h"
+#include "render/check_answers.h"
 
 #include <gtest/gtest.h>
 
@@ -18,9 +18,9 @@ BakeRequest request_of(const BakeView& view) {
 }
 
 AnswerCheck check(const Stage& stage, const IrradianceCache& cache, const BakeRequest& request,
-                  int points = 64, int threads = 2) {
-  return check_answers(stage.lighting, stage.settings, cache,
-                       asked_points(stage.world, request, points, 1), threads);
+                  int points = 64) {
+  return summarise({check_answers(stage.lighting, stage.settings, cache, request, points)},
+                   cache.records(), cache.origin());
 }
 
 // Records that reach as far as `radius` and ask for no ray: one of `step` is kept.
@@ -48,16 +48,42 @@ TEST(AnswerCheck, FindsTrueAnswersTrue) {
   EXPECT_FALSE(c.is_doubtful());
 }
 
-TEST(AnswerCheck, IsTheSameForAnyNumberOfThreads) {
-  const Stage stage(test::smoky_room());
-  const auto cache = stage.bake(test::room_view(12, 9)).cache;
-  const BakeRequest request = request_of(test::room_view(12, 9));
-  const AnswerCheck one = check(stage, *cache, request, 16, 1);
-  const AnswerCheck three = check(stage, *cache, request, 16, 3);
-  EXPECT_EQ(one.bias, three.bias);
-  EXPECT_EQ(one.rmse, three.rmse);
-  EXPECT_EQ(one.worst_truth, three.worst_truth);
-  EXPECT_EQ(one.paths, three.paths);
+TEST(AnswerCheck, IsTheSameForAnyNumberOfThreadsAndParts) {
+  const Stage stage(test::block_on_ground(10), test::far_settings(2));
+  const auto cache = stage.bake(test::view_of_block()).cache;
+  BakeRequest request = request_of(test::view_of_block());
+  const auto checked = [&] {
+    return check_answers(stage.lighting, stage.settings, *cache, request, 16);
+  };
+  request.threads = 1;
+  const CheckedRequest one = checked();
+  request.threads = 3;
+  EXPECT_EQ(one, checked());
+  // Shards measure the truth at their own points.
+  CheckedRequests parts;
+  request.shard.count = 3;
+  for (request.shard.index = 0; request.shard.index < 3; ++request.shard.index) {
+    const CheckedRequest part = checked();
+    EXPECT_LE(summarise({part}, cache->records(), cache->origin()).points, 6);
+    parts = united(parts, {part});
+  }
+  EXPECT_EQ(parts, CheckedRequests{one});
+}
+
+// What the file says is what the picture takes.
+TEST(AnswerCheck, AnswersAreThoseOfPixelQueries) {
+  const Stage stage(test::block_on_ground(10), test::far_settings(2));
+  const auto cache = stage.bake(test::view_of_block()).cache;
+  const BakeRequest request = request_of(test::view_of_block());
+  const CheckedRequest checked = check_answers(stage.lighting, stage.settings, *cache, request, 32);
+  for (const CheckedPoint& point : checked.points) {
+    const AnswerCheck one =
+        summarise({{checked.request, {point}}}, cache->records(), cache->origin());
+    const InterpolatedIrradiance picture =
+        cache->irradiance(pixel_query(stage.world, point.position, point.normal, point.footprint));
+    EXPECT_EQ(one.answer, luminance(picture.irradiance));
+    EXPECT_EQ(point.keys.size(), static_cast<std::size_t>(picture.records));
+  }
 }
 
 TEST(AnswerCheck, DoubtsFewWideRecordsOnFarGround) {

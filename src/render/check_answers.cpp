@@ -1,0 +1,185 @@
+#include "render/check_answers.h"
+
+#include <algorithm>
+
+#include "core/parallel.h"
+#include "core/random.h"
+#include "geom/surface_area.h"
+#include "render/picture_irradiance.h"
+#include "render/reference_paths.h"
+#include "scene/camera_rays.h"
+
+namespace brume {
+namespace {
+
+// A ray counts 1, a lookup of density less: a CPU second holds about 1.5 million.
+constexpr double kLookupWork = 0.05;
+constexpr double kLeastWork = 1e5, kMostWork = 3e6;
+// Of a gather's rays, whose hits ask for shadows and records besides: about a twentieth of their
+// time.
+constexpr double kPartOfBake = 0.15;
+constexpr double kRecordsAPixel = 0.3;
+constexpr int kPilotPaths = 8, kFewestPaths = 16, kMostPaths = 4096;
+
+// From the request and the deep records, which all shards know.
+double budget(const BakeSettings& settings, const IrradianceCache& cache,
+              const BakeRequest& request) {
+  double records = static_cast<double>(cache.volume()->size());
+  for (const SurfaceRecord& r : cache.records()) records += r.layer() == kDeepLayer;
+  if (request.everywhere) records *= 2;
+  for (const BakeView& view : request.views) records += kRecordsAPixel * view.width * view.height;
+  const double rays = records * settings.gather.cell_count();
+  return std::clamp(kPartOfBake * rays, kLeastWork, kMostWork);
+}
+
+// Finds who answers as pixel queries do, but asks every record in reach whether it sees the point:
+// what parts of a cache say then unites to what the whole says.
+void find_records(const World& world, const IrradianceCache& cache, CheckedPoint& point) {
+  IrradianceQuery query = pixel_query(world, point.position, point.normal, point.footprint);
+  const int most = query.stretches;
+  query.stretches = 0;
+  for (int stretches = 0; stretches <= most; ++stretches, query.min_radius *= 2) {
+    for (const RecordWeight& w : cache.explain(query)) point.keys.push_back(w.record->key);
+    if (point.keys.empty()) continue;
+    point.stretches = stretches;
+    std::sort(point.keys.begin(), point.keys.end());
+    return;
+  }
+}
+
+// Rays of one thread and what they cost.
+class Paths {
+ public:
+  Paths(const World& world, const BakeSettings& settings)
+      : options_(options_of(settings)), paths_(world, options_) {}
+  Paths(const Paths&) = delete;
+
+  // Goes on to `count` paths from a point; even and odd numbers are its halves. Returns the work.
+  double follow(const AskedPoint& asked, std::uint64_t key, int count, CheckedPoint& point) {
+    const double before = work();
+    for (; point.paths < count; ++point.paths) {
+      const int half = point.paths % 2;
+      const SamplePoints spread(random_key(key, half), static_cast<std::uint32_t>(point.paths / 2));
+      RandomStream random(random_key(key, half, point.paths));
+      const double e =
+          luminance(paths_.indirect_irradiance(asked.hit, asked.normal, spread.square(0), random));
+      point.half[half] += e;
+      point.squares += e * e;
+    }
+    return work() - before;
+  }
+
+ private:
+  static PathTracerOptions options_of(const BakeSettings& settings) {
+    PathTracerOptions options;
+    options.transport = Transport::Cached;
+    options.bounces = settings.bounces;
+    options.volume_bounces = settings.volume_bounces;
+    return options;
+  }
+  double work() const { return double(paths_.rays()) + kLookupWork * double(paths_.lookups()); }
+
+  PathTracerOptions options_;
+  ReferencePaths paths_;  // Looks at the options.
+};
+
+}  // namespace
+
+std::vector<AskedPoint> asked_points(const World& world, const BakeRequest& request, int count,
+                                     std::uint64_t seed) {
+  constexpr int kTries = 16;  // For each point.
+  std::vector<AskedPoint> points;
+  RandomStream random(random_key(seed, 0x636865636bULL));
+  const SurfaceArea surfaces(world.tracer());
+  if (request.everywhere && !(surfaces.area() > 0)) return points;
+  std::vector<CameraRays> cameras;
+  for (const BakeView& view : request.views)
+    cameras.emplace_back(view.camera, view.width, view.height);
+  if (!request.everywhere && cameras.empty()) return points;
+  // A lattice of the golden ratio's kin, whose first points are as evenly spread as all [Rob18].
+  const Vec2d shift = random.uniform2();
+  for (int i = 0; i < kTries * count && static_cast<int>(points.size()) < count; ++i) {
+    const Vec2d at(std::fmod(shift.x + 0.7548776662466927 * i, 1.0),
+                   std::fmod(shift.y + 0.5698402909980532 * i, 1.0));
+    AskedPoint point;
+    if (request.everywhere) {
+      point.hit = surfaces.point(at.x, random.uniform2());
+      point.normal = at.y < 0.5 ? point.hit.shading_normal : -point.hit.shading_normal;
+    } else {
+      const std::size_t v = static_cast<std::size_t>(i) % cameras.size();
+      const Ray ray = cameras[v].ray(at.x * request.views[v].width, at.y * request.views[v].height);
+      point.hit = world.tracer().intersect(ray);
+      if (!point.hit.is_hit()) continue;
+      const double side = point.hit.normal.dot(ray.direction) < 0 ? 1 : -1;
+      point.normal = point.hit.shading_normal * side;
+      point.footprint = kFootprintPixels * cameras[v].pixel_angle() * point.hit.t;
+    }
+    if (world.material(point.hit).reflects()) points.push_back(point);
+  }
+  return points;
+}
+
+CheckedRequest check_answers(const Lighting& lighting, const BakeSettings& settings,
+                             const IrradianceCache& cache, const BakeRequest& request, int count,
+                             const Scattered& scattered) {
+  const World& world = lighting.world();
+  const int threads = request.threads;
+  const Effects effects = plan_effects(world, settings.bounces, settings.volume_bounces);
+  CheckedRequest checked{request_hash(request), {}};
+  if (!effects.indirect) return checked;
+  const std::vector<AskedPoint> asked = asked_points(world, request, count, settings.seed);
+  checked.points.resize(asked.size());
+  const auto is_ours = [&](std::size_t i) {
+    return i % request.shard.count == request.shard.index;
+  };
+  const auto key_of = [&](std::size_t i) { return random_key(settings.seed, 0x7472757468ULL, i); };
+  const std::size_t slots = static_cast<std::size_t>(resolve_thread_count(threads));
+
+  // The first paths of every point, in every shard, say how many are affordable.
+  std::vector<std::unique_ptr<Paths>> paths(slots);
+  const auto paths_of = [&](int slot) -> Paths& {
+    auto& p = paths[static_cast<std::size_t>(slot)];
+    if (!p) p = std::make_unique<Paths>(world, settings);
+    return *p;
+  };
+  std::vector<double> work(asked.size());
+  parallel_for_slots(threads, asked.size(), 1, [&](std::size_t i, int slot) {
+    CheckedPoint& point = checked.points[i];
+    point.position = asked[i].hit.position;
+    point.normal = asked[i].normal;
+    point.footprint = asked[i].footprint;
+    find_records(world, cache, point);
+    work[i] = paths_of(slot).follow(asked[i], key_of(i), kPilotPaths, point);
+  });
+  double work_of_one = 0;
+  for (const double w : work) work_of_one += w / kPilotPaths;
+  const double affordable = work_of_one > 0 ? budget(settings, cache, request) / work_of_one : 0;
+  const int most =
+      2 * static_cast<int>(std::clamp<double>(affordable, kFewestPaths, kMostPaths) / 2);
+
+  const bool needs_gathers =
+      std::any_of(checked.points.begin(), checked.points.end(),
+                  [](const CheckedPoint& p) { return p.stretches == CheckedPoint::kNobody; });
+  const HitLight below =
+      needs_gathers ? light_below(cache, settings, world, threads, scattered) : HitLight();
+  std::vector<std::unique_ptr<PictureIrradiance>> gatherers(slots);
+  parallel_for_slots(threads, asked.size(), 1, [&](std::size_t i, int slot) {
+    CheckedPoint& point = checked.points[i];
+    if (!is_ours(i)) {
+      point.half[0] = point.half[1] = point.squares = 0;
+      point.paths = 0;
+      return;
+    }
+    paths_of(slot).follow(asked[i], key_of(i), most, point);
+    if (point.stretches != CheckedPoint::kNobody) return;
+    auto& gatherer = gatherers[static_cast<std::size_t>(slot)];
+    if (!gatherer)
+      gatherer = std::make_unique<PictureIrradiance>(lighting, effects, settings, cache, below);
+    Counters counters;
+    point.gathered = luminance(gatherer->gather(asked[i].hit, asked[i].normal,
+                                                random_key(settings.seed, 0x6173ULL, i), counters));
+  });
+  return checked;
+}
+
+}  // namespace brume
