@@ -5,6 +5,8 @@
 namespace brume {
 namespace {
 
+constexpr double kGradientsEnd = 8;
+
 Vec3d vector(const float* v) { return {v[0], v[1], v[2]}; }
 
 // A query as records see it.
@@ -19,12 +21,8 @@ struct LocalQuery {
 };
 
 LocalQuery localise(const IrradianceQuery& query, const Vec3d& origin) {
-  return {query.position - origin,
-          query.normal,
-          query.min_radius > 0 ? query.min_radius : 0.0,
-          query.surfaces,
-          origin,
-          query.stretches,
+  return {query.position - origin, query.normal, query.min_radius > 0 ? query.min_radius : 0.0,
+          query.surfaces,          origin,       query.stretches,
           query.only_if_open};
 }
 
@@ -60,14 +58,16 @@ double error_at(const RecordSite& site, const LocalQuery& query) {
   return std::sqrt(std::max(distance2, turn2));
 }
 
-// E(x', n') ~ E + grad E . (x' - x) + grad_r E . (n x n')  [WH92]. Light is taken to change no
-// farther than the record reaches by itself, which its gather vouches for: where only a footprint
-// makes it answer, something lies in between or the gradient is steep.
+// E(x', n') ~ E + grad E . (x' - x) + grad_r E . (n x n')  [WH92]. A record's gather vouches for
+// its gradient as far as the record reaches by itself. Where only a footprint makes it answer,
+// something lies in between or the gradient is steep: from there on what light is taken to change
+// by fades, to nothing at kGradientsEnd radii.
 RgbD extrapolate(const SurfaceRecord& record, const LocalQuery& query) {
   const Vec3d n = vector(record.normal);
   Vec3d d = query.position - vector(record.position);
-  const double reach = 2 * std::min(record.radius[0], record.radius[1]), distance = d.length();
-  if (distance > reach) d *= reach / distance;
+  const double radius = std::min(record.radius[0], record.radius[1]), distance = d.length();
+  if (distance > radius)
+    d *= std::max(0.0, (kGradientsEnd * radius - distance) / ((kGradientsEnd - 1) * distance));
   const Vec3d turn = n.cross(query.normal);
   const Frame frame(n);
   const double turn_u = turn.dot(frame.u), turn_v = turn.dot(frame.v);

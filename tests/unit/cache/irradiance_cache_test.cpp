@@ -192,6 +192,25 @@ TEST(IrradianceCache, KeepsExtrapolationsBetweenZeroAndTwiceTheValue) {
   EXPECT_FALSE(inside.clamped);
 }
 
+// Within its radius a record's gradient counts whole; where a footprint alone makes it answer it
+// fades.
+TEST(IrradianceCache, FadesGradientsBeyondARecordsOwnRadius) {
+  SurfaceRecord record = flat_record(0, 0, 1, 0.125);
+  record.gradient[0] = record.gradient[3] = record.gradient[6] = 0.5;
+  const IrradianceCache cache({record}, Vec3d(0.0));
+  const auto change = [&](double x) {
+    IrradianceQuery query = query_at({x, 0, 0});
+    query.min_radius = 4;
+    return cache.irradiance(query).irradiance.r - 1;
+  };
+  EXPECT_NEAR(change(0.1), 0.05, 1e-9);
+  EXPECT_NEAR(change(0.125), 0.0625, 1e-9);
+  EXPECT_NEAR(change(-0.125), -0.0625, 1e-9);
+  EXPECT_NEAR(change(0.5), 0.0625 * 4 / 7, 1e-9);
+  EXPECT_NEAR(change(1), 0, 1e-12);
+  EXPECT_NEAR(change(3), 0, 1e-12);
+}
+
 TEST(IrradianceCache, LeavesOutWhoLooksAwayOrLiesBehind) {
   const IrradianceCache cache({flat_record(0, 0, 1)}, Vec3d(0.0));
   EXPECT_EQ(cache.irradiance(query_at({0, 0, 0}, {0, 0, -1})).records, 0);
