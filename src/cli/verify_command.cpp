@@ -118,6 +118,11 @@ void save(const VerifyCommandOptions& options, const VerifyOptions& used, const 
 }
 
 int verify(const VerifyCommandOptions& options, const CommandContext& context) {
+  if (options.records && (options.points || options.cells || options.max_rmse ||
+                          options.worst_points || options.is_saved))
+    throw Error(ErrorKind::Usage,
+                "--records: measures records, not points: leave out --points, --cells, --max-rmse, "
+                "--worst and --save");
   if (!context.stats_file.empty()) check_writable(context.stats_file);
   if (options.is_saved) check_writable(saved_result(options.cache_file));
   Statistics statistics;
@@ -136,10 +141,15 @@ int verify(const VerifyCommandOptions& options, const CommandContext& context) {
     const RecordErrors errors = statistics.timed("verify", [&] {
       return measure_record_errors(lighting, opened.settings, opened.cache, record_options);
     });
+    statistics.records = opened.cache.size();
+    statistics.details["records_verified"] = record_errors_json(errors);
     if (context.json)
       print_json(context, record_errors_json(errors));
     else
       print_record_errors(context.out, errors);
+    CommandContext stats_alone = context;
+    stats_alone.json = false;
+    report_statistics(stats_alone, statistics);
     return 0;
   }
   VerifyOptions verify_options;

@@ -108,7 +108,7 @@ class MediumSource {
   Frame across_{Vec3d(0.0, 0.0, 1.0)};
   std::vector<ShellLight> shells_;
   std::vector<Pending> pending_;
-  std::vector<RayStretch> lit_;  // Of the ray, by light.
+  std::vector<Interval> lit_;  // Of the ray, by light.
   std::vector<double> chances_;  // Running sums over volumes, for choosing one.
   std::vector<ShadowRay> shadow_rays_;
   std::vector<std::uint8_t> occluded_;

@@ -65,7 +65,7 @@ class ReadySpotLight final : public Light {
     const double falloff = smoothstep(-direction_.dot(to.direction));
     return {to.direction, to.distance, intensity_ * (falloff / (metres * metres)), 0};
   }
-  RayStretch lit_stretch(const Ray& ray) const override;
+  Interval lit_stretch(const Ray& ray) const override;
   LightCone cone() const override { return {direction_, cos_outer_}; }
   double pdf(const Vec3d&, const Vec3d&, double, const Vec3d&) const override { return 0; }
   double importance() const override {
@@ -95,12 +95,12 @@ class ReadySpotLight final : public Light {
 
 // Within the cone, which is convex: where (v.d)^2 >= cos^2 v.v on the side that it opens to, of v
 // from the apex, a quadratic in t.
-RayStretch ReadySpotLight::lit_stretch(const Ray& ray) const {
+Interval ReadySpotLight::lit_stretch(const Ray& ray) const {
   const double c2 = cos_outer_ * cos_outer_;
   const Vec3d v = ray.origin - position_;
   const double along0 = v.dot(direction_), along1 = ray.direction.dot(direction_);
   const double a2 = along1 * along1 - c2;
-  if (!(cos_outer_ > 0) || std::abs(a2) < 1e-9) return {};
+  if (!(cos_outer_ > 0) || std::abs(a2) < 1e-9) return {0, kInfinity};
   const double a1 = along0 * along1 - c2 * v.dot(ray.direction);
   const double a0 = along0 * along0 - c2 * v.dot(v);
   const double discriminant = a1 * a1 - a2 * a0;
@@ -108,7 +108,7 @@ RayStretch ReadySpotLight::lit_stretch(const Ray& ray) const {
   const double root = std::sqrt(std::max(0.0, discriminant));
   const double low = (-a1 - std::copysign(root, a2)) / a2,
                high = (-a1 + std::copysign(root, a2)) / a2;
-  if (a2 > 0) return along1 > 0 ? RayStretch{std::max(0.0, high), kInfinity} : RayStretch{0, low};
+  if (a2 > 0) return along1 > 0 ? Interval{std::max(0.0, high), kInfinity} : Interval{0, low};
   if (!(along0 + along1 * 0.5 * (low + high) > 0)) return {0, 0};
   return {std::max(0.0, low), high};
 }
@@ -145,7 +145,7 @@ struct Overloaded : F... {
 }  // namespace
 
 RgbD Light::radiance(const Vec3d&) const { return {}; }
-RayStretch Light::lit_stretch(const Ray&) const { return {}; }
+Interval Light::lit_stretch(const Ray&) const { return {0, kInfinity}; }
 
 void add_values(FingerprintBuilder& fingerprint, Light::Kind kind, std::span<const double> values) {
   fingerprint.add(kind).add_bytes(values.data(), values.size_bytes());

@@ -39,11 +39,6 @@ struct EnvironmentLight {
 using LightDescription =
     std::variant<PointLight, SpotLight, DirectionalLight, QuadLight, EnvironmentLight>;
 
-// A stretch of a ray; empty where end <= begin.
-struct RayStretch {
-  double begin = 0, end = kInfinity;
-};
-
 // Directions within an angle of an axis, which are all where there is no axis.
 struct LightCone {
   Vec3d axis{0.0};
@@ -71,7 +66,7 @@ class Light {
   // From `p`. Weight 0: nothing arrives (outside the cone, behind the quad).
   virtual LightSample sample(const Vec3d& p, const Vec2d& u) const = 0;
   // The stretch of a ray outside which sample() gives nothing.
-  virtual RayStretch lit_stretch(const Ray& ray) const;
+  virtual Interval lit_stretch(const Ray& ray) const;
   // Where one that is at a point sends its light.
   virtual LightCone cone() const { return {}; }
   // Of sample() giving `direction`, per solid angle; 0 for delta lights. `distance` is to the point

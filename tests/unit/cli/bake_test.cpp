@@ -208,6 +208,21 @@ TEST_F(Bake, VerifyFailsAboveItsThreshold) {
   EXPECT_TRUE(failed.json().is_object()) << "the numbers are printed all the same";
 }
 
+TEST_F(Bake, VerifyMeasuresRecordsAgainstTheirOwnTruth) {
+  ASSERT_EQ(bake({"--verify", "0"}).code, 0);
+  const std::vector<std::string> base{"verify",    path("c.irc"), write_scene(),
+                                      "--records", "6",           "--json"};
+  const RunResult result = brume(base);
+  ASSERT_EQ(result.code, 0) << result.err;
+  const auto json = result.json();
+  EXPECT_EQ(json["records"], 6);
+  EXPECT_GT(json["calibration"], 0);
+  EXPECT_GE(json["worst"], json["median"]);
+  auto both = base;
+  both.insert(both.end(), {"--max-rmse", "1"});
+  EXPECT_EQ(brume(both).code, 2);
+}
+
 TEST_F(Bake, VerifyNamesTheWorstPointsAndSavesItsResult) {
   ASSERT_EQ(bake().code, 0);
   const std::vector<std::string> command{
