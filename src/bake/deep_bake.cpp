@@ -266,9 +266,9 @@ bool DeepBake::place() {
     if (open.empty() || area_of(open) < kOpenPart * asked_ || records_.size() >= kMostRecords)
       break;
     report(0.6 * std::min(1.0, kOpenPart * asked_ / area_of(open)));
-    Points points = thin_by_footprint(open, 0.7 * spacing);
-    points.resize(std::min({points.size(), kMostRecords - records_.size(),
-                            std::max(kLeastWave, records_.size() / 2)}));
+    const std::size_t most =
+        std::min(kMostRecords - records_.size(), std::max(kLeastWave, records_.size() / 2));
+    Points points = thin_by_footprint(open, 0.7 * spacing, most);
     const std::size_t before = records_.size();
     if (is_stopped() || !bake_wave(on_surfaces(std::move(points)))) return false;
     if (records_.size() == before) break;
@@ -283,7 +283,8 @@ bool DeepBake::place() {
   }
   // Where light never came to, a few say so: gathers there need not look for others far and wide.
   for (SurfacePoint& p : first.dark) p.min_radius = std::max(p.min_radius, finest_);
-  return bake_wave(on_surfaces(thin_by_footprint(uncovered(first.dark), 0.7 * kFirstSpacing)));
+  const Points dark = uncovered(first.dark);
+  return bake_wave(on_surfaces(thin_by_footprint(dark, 0.7 * kFirstSpacing, dark.size())));
 }
 
 DeepBake::Records DeepBake::with_light(const std::vector<RgbD>& light) const {

@@ -1,6 +1,7 @@
 #include "bake/placement.h"
 
 #include <algorithm>
+#include <limits>
 #include <unordered_map>
 
 #include "core/parallel.h"
@@ -131,61 +132,67 @@ std::vector<SurfacePoint> some_surface_points(const RayTracer& tracer, std::uint
 
 namespace {
 
-// Points that have been kept, found by cubes whose width is a power of two: each point in one at
-// least as wide as its distance.
+// Points that have been kept. Distances asked about never grow, so that one grid of cubes at least
+// twice as wide does, made anew where they have become much smaller: eight cubes hold whatever is
+// near.
 class KeptPoints {
  public:
-  // Whether none kept before, each at a distance of at least `distance`, is as near as that.
-  bool is_free(const SurfacePoint& p, double distance) const {
-    for (int level = level_of(distance); level <= widest_; ++level) {
-      const auto c = cube_of(p.position, level);
-      for (int i = 0; i < 27; ++i) {
-        const auto found =
-            cubes_.find({level, c[0] + i % 3 - 1, c[1] + i / 3 % 3 - 1, c[2] + i / 9 - 1});
-        if (found == cubes_.end()) continue;
-        for (const SurfacePoint* k : found->second)
-          if ((k->position - p.position).length2() < distance * distance &&
-              k->normal.dot(p.normal) > kMaxNormalCosine)
-            return false;
-      }
+  // Whether none kept before is as near as `distance`.
+  bool is_free(const SurfacePoint& p, double distance) {
+    const int level = static_cast<int>(std::ceil(std::log2(2 * distance)));
+    if (level != level_) {
+      level_ = level;
+      cubes_.clear();
+      for (const SurfacePoint* k : kept_) cubes_[cube_of(k->position)].push_back(k);
     }
+    const Cube low = cube_of(p.position - Vec3d(distance));
+    const Cube high = cube_of(p.position + Vec3d(distance));
+    for (std::int64_t x = low[0]; x <= high[0]; ++x)
+      for (std::int64_t y = low[1]; y <= high[1]; ++y)
+        for (std::int64_t z = low[2]; z <= high[2]; ++z) {
+          const auto found = cubes_.find({x, y, z});
+          if (found == cubes_.end()) continue;
+          for (const SurfacePoint* k : found->second)
+            if ((k->position - p.position).length2() < distance * distance &&
+                k->normal.dot(p.normal) > kMaxNormalCosine)
+              return false;
+        }
     return true;
   }
   // `p` must outlive this.
-  void add(const SurfacePoint& p, double distance) {
-    const int level = level_of(distance);
-    const auto c = cube_of(p.position, level);
-    cubes_[{level, c[0], c[1], c[2]}].push_back(&p);
-    widest_ = std::max(widest_, level);
+  void add(const SurfacePoint& p) {
+    kept_.push_back(&p);
+    cubes_[cube_of(p.position)].push_back(&p);
   }
 
  private:
-  using Cube = std::array<std::int64_t, 4>;
+  using Cube = std::array<std::int64_t, 3>;
   struct Hash {
-    std::size_t operator()(const Cube& c) const { return random_key(c[0], c[1], c[2], c[3]); }
+    std::size_t operator()(const Cube& c) const { return random_key(c[0], c[1], c[2]); }
   };
-  static int level_of(double distance) { return static_cast<int>(std::ceil(std::log2(distance))); }
-  static std::array<std::int64_t, 3> cube_of(const Vec3d& p, int level) {
-    std::array<std::int64_t, 3> cube;
+  Cube cube_of(const Vec3d& p) const {
+    Cube cube;
     for (int a = 0; a < 3; ++a)
       cube[static_cast<std::size_t>(a)] = static_cast<std::int64_t>(
-          std::clamp(std::floor(std::ldexp(p[a], -level)), -0x1p62, 0x1p62));
+          std::clamp(std::floor(std::ldexp(p[a], -level_)), -0x1p62, 0x1p62));
     return cube;
   }
 
+  int level_ = std::numeric_limits<int>::max();  // Cubes are 2^level wide.
+  std::vector<const SurfacePoint*> kept_;
   std::unordered_map<Cube, std::vector<const SurfacePoint*>, Hash> cubes_;
-  int widest_ = -10000;
 };
 
+// Distances may not grow from point to point.
 template <typename DistanceOf>
 std::vector<SurfacePoint> thinned(const std::vector<SurfacePoint>& points,
-                                  const DistanceOf& distance_of) {
+                                  const DistanceOf& distance_of, std::size_t most) {
   KeptPoints kept;
   std::vector<SurfacePoint> result;
   for (const SurfacePoint& p : points) {
-    const double distance = distance_of(p);
-    if (!kept.is_free(p, distance)) continue;
-    kept.add(p, distance);
+    if (result.size() == most) break;
+    if (!kept.is_free(p, distance_of(p))) continue;
+    kept.add(p);
     result.push_back(p);
   }
   return result;
@@ -194,14 +201,17 @@ std::vector<SurfacePoint> thinned(const std::vector<SurfacePoint>& points,
 }  // namespace
 
 std::vector<SurfacePoint> thin(const std::vector<SurfacePoint>& points, double distance) {
-  return thinned(points, [=](const SurfacePoint&) { return distance; });
+  return thinned(
+      points, [=](const SurfacePoint&) { return distance; }, points.size());
 }
 
-std::vector<SurfacePoint> thin_by_footprint(std::vector<SurfacePoint> points, double part) {
+std::vector<SurfacePoint> thin_by_footprint(std::vector<SurfacePoint> points, double part,
+                                            std::size_t most) {
   std::stable_sort(points.begin(), points.end(), [](const SurfacePoint& a, const SurfacePoint& b) {
     return a.min_radius > b.min_radius;
   });
-  return thinned(points, [=](const SurfacePoint& p) { return part * p.min_radius; });
+  return thinned(
+      points, [=](const SurfacePoint& p) { return part * p.min_radius; }, most);
 }
 
 std::vector<SurfacePoint> view_points(const World& world, const BakeView& view,

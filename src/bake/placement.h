@@ -58,8 +58,9 @@ inline constexpr double kCoveredWithin = 0.8;
 // Those of `points`, in order, that keep `distance` from every one kept before on the same side.
 std::vector<SurfacePoint> thin(const std::vector<SurfacePoint>& points, double distance);
 // The same with a distance of its own for each: `part` of its min_radius. Looks at the widest
-// first.
-std::vector<SurfacePoint> thin_by_footprint(std::vector<SurfacePoint> points, double part);
+// first, and keeps at most so many.
+std::vector<SurfacePoint> thin_by_footprint(std::vector<SurfacePoint> points, double part,
+                                            std::size_t most);
 
 // What the points (x0 + i stride, y0 + j stride) inside a rectangle see, without those that also
 // lie on the lattice of twice the stride when `skip_coarser`. There are kPointsPerPixel along each
