@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <nlohmann/json.hpp>
+#include <numeric>
 #include <unordered_map>
 
 #include "bake/light_solve.h"
@@ -25,11 +26,12 @@ constexpr double kFirstSpacing = 8;
 // Hits that are asked about more finely than this part of the median first hit are not worth a
 // record: what goes on in a crack matters little to what lies outside.
 constexpr double kFinestPart = 1.0 / 4;
-// Placement ends where open hits stand for so little of the area that all hits stand for: there,
-// the nearest records in sight answer from farther away. Light in a clutter of small things reaches
-// few others, and would take most records (docs/decisions/0010).
-constexpr double kOpenPart = 0.015;
-// In finest footprints: what is wider counts as wide as that, or far ground would count for all.
+// Placement ends where open hits weigh so little of what all hits weigh, or hardly less than a wave
+// before: there, the nearest records in sight answer from farther away. Light in a clutter of small
+// things reaches few others, and would take most records (docs/decisions/0010, 0012).
+constexpr double kOpenPart = 0.02, kLeastProgress = 0.8;
+// In finest footprints: what is wider weighs as wide as that, or far ground would weigh more than
+// all else.
 constexpr double kWidestPart = 32;
 constexpr std::size_t kMostRecords = 40000, kLeastWave = 1000;
 constexpr int kLampRays = 256, kMostLamps = 64, kLampSamples = 8;
@@ -41,6 +43,11 @@ constexpr int kSolvedLayer = 2;
 constexpr std::uint64_t kKeyOfSolution = 0x736f6c7574696f6eULL;  // And the solve's note.
 
 Vec3d vector(const float* v) { return {v[0], v[1], v[2]}; }
+
+double weight_of(const std::vector<SurfacePoint>& points) {
+  return std::accumulate(points.begin(), points.end(), 0.0,
+                         [](double sum, const SurfacePoint& p) { return sum + p.weight; });
+}
 
 // First gathers keep strata, and see lamps alone.
 BakeSettings first_settings(BakeSettings deep, const Medium& medium) {
@@ -76,10 +83,6 @@ class DeepBake {
   void report(double fraction) const {
     if (request_.progress) request_.progress("bounces", fraction);
   }
-  bool is_covered(const SurfacePoint& p) const {
-    return cache_.covers({kDeepLayer, p.position, p.normal, p.min_radius, &world_.tracer()},
-                         kCoveredWithin);
-  }
   Points uncovered(const Points& points) const;
   // Where light first lands, and other places that surfaces see.
   struct FirstPoints {
@@ -91,10 +94,16 @@ class DeepBake {
   bool bake_wave(const Points& points);
   // What an earlier run's first gather found at a record that is placed.
   bool find_first(SurfaceRecord& record, DeepRow& row) const;
-  // That the points stand for.
-  double area_of(const Points& points) const;
-  // Hits of the reflecting strata of a gather at `receiver`.
-  Points hits(const Vec3d& receiver, const DeepRow& row) const;
+  // What a hit of that width weighs.
+  double weight_of_width(double width) const {
+    const double capped = std::min(width, kWidestPart * finest_);
+    return capped * capped;
+  }
+  // What the hits of records weigh, against others as wide: those whose own light, of first order,
+  // is less than the median matter as much less.
+  std::vector<double> shares_of_light() const;
+  // Hits of the reflecting strata of a gather at `receiver`, whose weights are times `share`.
+  Points hits(const Vec3d& receiver, const DeepRow& row, double share) const;
   // With positions and offsets as their surface has them.
   Points on_surfaces(Points points) const;
   Records with_light(const std::vector<RgbD>& light) const;
@@ -111,7 +120,6 @@ class DeepBake {
   const BakeRequest& request_;
   Vec3d origin_;
   double finest_ = 0;  // Of footprints.
-  double asked_ = 0;   // Area that all hits of all gathers stand for.
   RecordMaker maker_;
   VolumePlacement medium_;
   IrradianceCache cache_;  // Of records_, whose light is of their first gathers.
@@ -163,8 +171,11 @@ bool DeepBake::bake_wave(const Points& points) {
 
 DeepBake::Points DeepBake::uncovered(const Points& points) const {
   std::vector<std::uint8_t> is_open(points.size());
-  parallel_for(request_.threads, points.size(), 64,
-               [&](std::size_t i) { is_open[i] = !is_covered(points[i]); });
+  parallel_for(request_.threads, points.size(), 64, [&](std::size_t i) {
+    const SurfacePoint& p = points[i];
+    is_open[i] = !cache_.covers({kDeepLayer, p.position, p.normal, p.min_radius, &world_.tracer()},
+                                kCoveredWithin);
+  });
   Points open;
   for (std::size_t i = 0; i < points.size(); ++i)
     if (is_open[i]) open.push_back(points[i]);
@@ -211,12 +222,14 @@ DeepBake::FirstPoints DeepBake::first_points() const {
   return points;
 }
 
-DeepBake::Points DeepBake::hits(const Vec3d& receiver, const DeepRow& row) const {
+DeepBake::Points DeepBake::hits(const Vec3d& receiver, const DeepRow& row, double share) const {
   Points points;
-  for (const Stratum& s : row.strata.strata)
-    if (s.reflects())
-      points.push_back({receiver + s.way() * double(s.distance), vector(s.normal), 0,
-                        std::max(row.footprint_at(s), finest_)});
+  for (const Stratum& s : row.strata.strata) {
+    if (!s.reflects()) continue;
+    const double width = std::max(row.footprint_at(s), finest_);
+    points.push_back({receiver + s.way() * double(s.distance), vector(s.normal), 0, width,
+                      share * weight_of_width(width)});
+  }
   return points;
 }
 
@@ -234,14 +247,18 @@ DeepBake::Points DeepBake::on_surfaces(Points points) const {
   return points;
 }
 
-double DeepBake::area_of(const Points& points) const {
-  const double widest = finest_ > 0 ? kWidestPart * finest_ : kInfinity;
-  double sum = 0;
-  for (const SurfacePoint& p : points) {
-    const double width = std::min(p.min_radius, widest);
-    sum += width * width;
+std::vector<double> DeepBake::shares_of_light() const {
+  std::vector<double> shares;
+  for (const SurfaceRecord& r : records_) {
+    const DeepRow& row = rows_.at(r.key);
+    shares.push_back(luminance(row.unreflected[0] + row.reflected[0]));
   }
-  return sum;
+  if (shares.empty()) return shares;
+  std::vector<double> sorted = shares;
+  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+  std::nth_element(sorted.begin(), middle, sorted.end());
+  for (double& share : shares) share = *middle > 0 ? std::min(1.0, share / *middle) : 1;
+  return shares;
 }
 
 bool DeepBake::place() {
@@ -254,37 +271,46 @@ bool DeepBake::place() {
     std::nth_element(footprints.begin(), middle, footprints.end());
     finest_ = *middle * kFinestPart;
   }
-  for (SurfacePoint& p : open) p.min_radius = std::max(p.min_radius, finest_);
+  for (SurfacePoint& p : open) {
+    p.min_radius = std::max(p.min_radius, finest_);
+    p.weight = weight_of_width(p.min_radius);
+  }
+  double asked = 0;  // What all hits weigh so far.
   for (std::size_t i = 0; i < medium_.rows().size(); ++i) {
-    const Points seen =
-        hits(vector(medium_.records().records[i].position) + origin_, medium_.rows()[i]);
-    asked_ += area_of(seen);
+    const Points seen = hits(vector(medium_.records().records[i].position) + origin_,
+                             medium_.rows()[i], medium_.share(i));
+    asked += weight_of(seen);
     open.insert(open.end(), seen.begin(), seen.end());
   }
+  double last_part = kInfinity;
   for (double spacing = kFirstSpacing;; spacing = std::max(1.0, spacing / 2)) {
     open = uncovered(open);
-    if (open.empty() || area_of(open) < kOpenPart * asked_ || records_.size() >= kMostRecords)
-      break;
-    report(0.6 * std::min(1.0, kOpenPart * asked_ / area_of(open)));
-    const std::size_t most =
-        std::min(kMostRecords - records_.size(), std::max(kLeastWave, records_.size() / 2));
-    Points points = thin_by_footprint(open, 0.7 * spacing, most);
+    const double weight = weight_of(open), part = asked > 0 ? weight / asked : 1;
+    if (weight == 0 || part <= kOpenPart || records_.size() >= kMostRecords) break;
+    if (spacing == 1 && part > kLeastProgress * last_part) break;
+    last_part = part;
+    report(0.6 * std::min(1.0, kOpenPart / part));
+    Points points = heaviest(
+        thin_by_footprint(open, 0.7 * spacing),
+        std::min(kMostRecords - records_.size(), std::max(kLeastWave, records_.size() / 2)));
     const std::size_t before = records_.size();
     if (is_stopped() || !bake_wave(on_surfaces(std::move(points)))) return false;
     if (records_.size() == before) break;
-    for (const SurfaceRecord& r : records_) {
+    const std::vector<double> shares = shares_of_light();
+    for (std::size_t i = 0; i < records_.size(); ++i) {
+      const SurfaceRecord& r = records_[i];
       if (r.wave() != std::min(wave_ - 1, 255)) continue;
       const DeepRow& row = rows_.at(r.key);
-      const Points all = hits(vector(r.position) + origin_ + vector(r.normal) * row.offset, row);
-      asked_ += area_of(all);
+      const Points all =
+          hits(vector(r.position) + origin_ + vector(r.normal) * row.offset, row, shares[i]);
+      asked += weight_of(all);
       const Points seen = uncovered(all);
       open.insert(open.end(), seen.begin(), seen.end());
     }
   }
   // Where light never came to, a few say so: gathers there need not look for others far and wide.
   for (SurfacePoint& p : first.dark) p.min_radius = std::max(p.min_radius, finest_);
-  const Points dark = uncovered(first.dark);
-  return bake_wave(on_surfaces(thin_by_footprint(dark, 0.7 * kFirstSpacing, dark.size())));
+  return bake_wave(on_surfaces(thin_by_footprint(uncovered(first.dark), 0.7 * kFirstSpacing)));
 }
 
 DeepBake::Records DeepBake::with_light(const std::vector<RgbD>& light) const {

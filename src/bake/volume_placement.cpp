@@ -24,11 +24,12 @@ constexpr int kMostDepth = 40;  // Of the tree.
 constexpr std::size_t kMostFirst = 8000, kMostRecords = 20000;
 constexpr int kMostWaves = 12;
 // A cell is cut where its light differs by more than this part from what its neighbours say, and
-// that is more than this part of all light that is scattered.
+// that is more than this part of all light that is scattered; both more where its share is less.
 constexpr double kChange = 0.02, kLeastMatter = 1e-5;
-constexpr double kCoarserBy = 1.1;  // Where that many would not do.
-constexpr int kTries = 24;          // Places in a cell that may hold medium.
-constexpr double kEven = 1.5;       // Most of sigma_s over its mean, in an even cell.
+constexpr double kCoarserBy = 1.1;    // Where that many would not do.
+constexpr double kLeastShare = 1e-4;  // Cells need an end in all but empty space.
+constexpr int kTries = 24;            // Places in a cell that may hold medium.
+constexpr double kEven = 1.5;         // Most of sigma_s over its mean, in an even cell.
 constexpr std::uint64_t kKeyOfVolume = 0x766f6c756d65ULL;
 
 Vec3d vector(const float* v) { return {v[0], v[1], v[2]}; }
@@ -51,11 +52,17 @@ Box3d scattering_box(const World& world) {
   return {box.min - Vec3d(pad), box.max + Vec3d(pad)};
 }
 
-// How long a cell around p may be along each axis, whose densest place has the extinction `sigma`.
-Vec3d longest_steps(const Lighting& lighting, const Vec3d& p, double sigma, double scale) {
+struct Steps {
+  Vec3d longest;  // That a cell may be along each axis.
+  double share;   // Of light that crosses the surroundings, about which part is scattered there.
+};
+
+// Of a cell around p, whose densest place has the extinction `sigma`. What a cell tells wrongly
+// grows with the square of its length, and matters by its share.
+Steps steps_around(const Lighting& lighting, const Vec3d& p, double sigma, double scale) {
   const World& world = lighting.world();
   const Medium& medium = world.medium();
-  double depth[3], distance[3], sum = 0;
+  double depth[3], distance[3], sum = 0, sum_of_depths = 0;
   int seen = 0;
   MarchCounters ignored;
   for (int a = 0; a < 3; ++a) {
@@ -70,8 +77,10 @@ Vec3d longest_steps(const Lighting& lighting, const Vec3d& p, double sigma, doub
         ++seen;
       }
       const double far = std::min(end, medium.is_unbounded() ? 100 / std::max(sigma, 1e-300) : end);
-      depth[a] = std::min(depth[a], max_component(optical_depth(medium, {p, w}, {0, far},
-                                                                lighting.march(), ignored)));
+      const double to_end =
+          max_component(optical_depth(medium, {p, w}, {0, far}, lighting.march(), ignored));
+      depth[a] = std::min(depth[a], to_end);
+      sum_of_depths += to_end;
     }
   }
   double lamp = kInfinity;
@@ -79,15 +88,17 @@ Vec3d longest_steps(const Lighting& lighting, const Vec3d& p, double sigma, doub
     if (light->kind() != Light::Kind::Directional && light->kind() != Light::Kind::Environment)
       lamp = std::min(lamp, (light->centre() - p).length());
   const double mean = seen > 0 ? sum / seen : kInfinity;
-  Vec3d steps;
+  Steps steps;
+  steps.share = std::max(1 - std::exp(-sum_of_depths / 6), kLeastShare);
+  const double wider = 1 / std::sqrt(steps.share);
   for (int a = 0; a < 3; ++a) {
-    steps[a] = kInfinity;
-    if (sigma > 0) steps[a] = std::max(kLeastDepth, kPartOfDepth * depth[a]) / sigma;
-    steps[a] =
-        std::min(steps[a], std::max(2 * kPartOfDistance * distance[a], kPartOfMeanDistance * mean));
+    double step = kInfinity;
+    if (sigma > 0) step = std::max(kLeastDepth, kPartOfDepth * depth[a]) / sigma;
+    step = std::min(
+        step, wider * std::max(2 * kPartOfDistance * distance[a], kPartOfMeanDistance * mean));
     const double nearest = kNearestLamp * (mean < kInfinity ? mean : lamp);
-    steps[a] = std::min(steps[a], std::max(kPartOfLampDistance * lamp, nearest));
-    steps[a] *= scale;
+    step = std::min(step, wider * std::max(kPartOfLampDistance * lamp, nearest));
+    steps.longest[a] = step * scale;
   }
   return steps;
 }
@@ -107,7 +118,7 @@ int harmonic_order(const Medium& medium) {
 
 Vec3d volume_record_radii(const Lighting& lighting, const Vec3d& p) {
   const double sigma = max_component(lighting.world().medium().sigma_t_at(p));
-  return longest_steps(lighting, p, sigma, 1) * kCellsInRadius;
+  return steps_around(lighting, p, sigma, 1).longest * kCellsInRadius;
 }
 
 VolumePlacement::VolumePlacement(const Lighting& lighting, const BakeSettings& settings,
@@ -158,9 +169,10 @@ std::optional<VolumePlacement::Site> VolumePlacement::site_of(const Box3d& cell)
 void VolumePlacement::cut(const Box3d& cell, double scale, int depth,
                           std::vector<Site>& sites) const {
   if (sites.size() > kMostRecords) return;
-  const std::optional<Site> site = site_of(cell);
+  std::optional<Site> site = site_of(cell);
   if (!site) return;
-  const Vec3d steps = longest_steps(lighting_, site->position, site->densest, scale);
+  const auto [steps, share] = steps_around(lighting_, site->position, site->densest, scale);
+  site->share = share;
   const Vec3d size = cell.max - cell.min;
   int axis = 0;
   for (int a = 1; a < 3; ++a)
@@ -308,7 +320,8 @@ std::vector<VolumePlacement::Site> VolumePlacement::cut_where_light_changes() {
       noise += p.weight * p.weight * variance(p.record);
     }
     const double change = std::abs(there - light[i]) - std::sqrt(noise + variance(i));
-    if (change > kChange * std::max(there, light[i])) error[i] = change * matters(i);
+    if (change > kChange / sites_[i].share * std::max(there, light[i]))
+      error[i] = change * sites_[i].share * matters(i);
   });
   std::vector<std::size_t> cut;
   for (std::size_t i = 0; i < count; ++i)
@@ -329,7 +342,8 @@ std::vector<VolumePlacement::Site> VolumePlacement::cut_where_light_changes() {
       const Vec3d low =
           cell.min + Vec3d(half.x * (k & 1), half.y * (k >> 1 & 1), half.z * (k >> 2));
       const Box3d part(low, low + half);
-      const std::optional<Site> site = site_of(part);
+      std::optional<Site> site = site_of(part);
+      if (site) site->share = own.share;
       if (k == of_own) {
         own.cell = part;
         own.scattering = site ? site->scattering : 0;

@@ -25,8 +25,9 @@ Vec3d volume_record_radii(const Lighting& lighting, const Vec3d& p);
 // optical depth from the medium's edges and from surfaces, where it falls off steeply, in distance
 // from surfaces and lamps elsewhere. Then, wave by wave, a cell is cut into eight where the light
 // that its gather found, of first order, is not what its neighbours make of it, and that matters:
-// by what the cell scatters of all that is scattered. A pure function of the scene and the
-// settings; never of views.
+// by what the cell scatters of all that is scattered. Where hardly any of the light that crosses
+// the surroundings scatters there, as in haze and between things that nearly touch, cells are wider
+// and cut less. A pure function of the scene and the settings; never of views.
 class VolumePlacement {
  public:
   // Everything must outlive it. `settings` as deep records use them. `journal` may be null.
@@ -40,6 +41,8 @@ class VolumePlacement {
   const VolumeRecords& records() const { return records_; }
   std::vector<DeepRow>& rows() { return rows_; }
   const std::vector<DeepRow>& rows() const { return rows_; }
+  // Of light that crosses a record's surroundings, about which part scatters there; as records().
+  double share(std::size_t record) const { return sites_[record].share; }
   const Counters& counters() const { return counters_; }
 
  private:
@@ -47,6 +50,7 @@ class VolumePlacement {
     Vec3d position{0.0};
     Box3d cell;
     double scattering = 0, densest = 0;  // Over the cell: mean of sigma_s, most of sigma_t.
+    double share = 1;
   };
   std::optional<Site> site_of(const Box3d& cell) const;
   void cut(const Box3d& cell, double scale, int depth, std::vector<Site>& sites) const;

@@ -9,6 +9,10 @@ constexpr double kNearness = 0.3;
 constexpr int kSourceSamples =
     8;  // Of each area light, for the source term at the receiver itself.
 
+// Shells of a ray that ask for light that has scattered before: a few tell, it changes slowly
+// (docs/decisions/0012).
+constexpr int kMostAsked = 8;
+
 Vec3d perpendicular(const Vec3d& v, const Vec3d& w) { return v - w * v.dot(w); }
 RgbGradient perpendicular(const RgbGradient& g, const Vec3d& w) {
   return {perpendicular(g.r, w), perpendicular(g.g, w), perpendicular(g.b, w)};
@@ -44,7 +48,7 @@ void CellGather::gather(const Vec3d& origin, const Frame& base, std::uint64_t ke
   key_ = key;
   origin_ = origin;
   scattered_ = light.scattered.get();
-  medium_.use_scattered(scattered_);
+  medium_.use_scattered(scattered_, kMostAsked);
   RandomStream turn = stream(-1, 0);
   frame_ = base.turned(2 * kPi * turn.uniform());
   const Vec2d shift = turn.uniform2();

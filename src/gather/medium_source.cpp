@@ -132,30 +132,47 @@ void MediumSource::look_along(const Vec3d& w) {
   slope(across_.v, &RayWeights::along_v);
 }
 
+// Drawn evenly along the running sum of what stretches scatter.
+void MediumSource::add_scattered_again(const ShellMarcher& marcher, const Ray& ray,
+                                       RandomStream& random) {
+  stretches(marcher, ray, stretches_);
+  double sum = 0;
+  for (const MediumStretch& s : stretches_) sum += mean_component(s.weight);
+  const double asked = std::max(1.0, std::ceil(most_asked_ * std::min(1.0, sum)));
+  const bool asks_all = most_asked_ == 0 || asked >= double(stretches_.size());
+  const double spacing = sum / asked;
+  double next = asks_all ? 0 : random.uniform() * spacing, running = 0;
+  for (const MediumStretch& s : stretches_) {
+    if (asks_all) {
+      add_scattered_again(s, ray, 1);
+      continue;
+    }
+    const double share = mean_component(s.weight);
+    int times = 0;
+    for (running += share; next < running; next += spacing) ++times;
+    if (times > 0) add_scattered_again(s, ray, times * spacing / share);
+  }
+}
+
 // At the place that stands for the shell's density: where dense smoke is bright, both belong
 // together.
-void MediumSource::add_scattered_again(const ShellMarcher& marcher, int shell, const Ray& ray,
-                                       const RgbD& transmittance) {
-  const auto& volumes = lighting_.world().medium().volumes();
+void MediumSource::add_scattered_again(const MediumStretch& stretch, const Ray& ray,
+                                       double factor) {
+  const Volume& volume = lighting_.world().medium().volumes()[stretch.volume];
   const std::size_t all = harmonic_count(scattered_->order());
-  for (std::size_t v = 0; v < volumes.size(); ++v) {
-    const Volume& volume = volumes[v];
-    const ShellDensity& density = marcher.shell(static_cast<int>(v), shell);
-    if (!volume.scatters() || !(density.integral > 0)) continue;
-    const Vec3d p = ray.at(density.t_sample);
-    const RgbD strength = transmittance * volume.sigma_s_at(p) * density.integral;
-    const bool is_even = volume.phase.is_isotropic();
-    const RayWeights& w = weights_[v];
-    shells_[shell].rescattered +=
-        strength * scattered_->dot(p, std::span(w.value.data(), is_even ? 1 : all));
-    if (!directional_ || is_even || all == 1) continue;
-    // d_w Q with its sign turned, as for light straight from lights.
-    const auto slope = [&](const Harmonics& weights) {
-      return scattered_->dot_signed(p, std::span(weights.data(), all));
-    };
-    shells_[shell].directional -= outer(strength * slope(w.along_u), across_.u) +
-                                  outer(strength * slope(w.along_v), across_.v);
-  }
+  const Vec3d p = ray.at(stretch.distance);
+  const RgbD strength = stretch.weight * factor;
+  const bool is_even = volume.phase.is_isotropic();
+  const RayWeights& w = weights_[stretch.volume];
+  ShellLight& shell = shells_[stretch.shell];
+  shell.rescattered += strength * scattered_->dot(p, std::span(w.value.data(), is_even ? 1 : all));
+  if (!directional_ || is_even || all == 1) return;
+  // d_w Q with its sign turned, as for light straight from lights.
+  const auto slope = [&](const Harmonics& weights) {
+    return scattered_->dot_signed(p, std::span(weights.data(), all));
+  };
+  shell.directional -=
+      outer(strength * slope(w.along_u), across_.u) + outer(strength * slope(w.along_v), across_.v);
 }
 
 void MediumSource::stretches(const ShellMarcher& marcher, const Ray& ray,
@@ -168,7 +185,8 @@ void MediumSource::stretches(const ShellMarcher& marcher, const Ray& ray,
       if (!volumes[v].scatters() || !(density.integral > 0)) continue;
       const RgbD weight = shell_transmittance(marcher, i) *
                           volumes[v].sigma_s_at(ray.at(density.t_sample)) * density.integral;
-      if (!is_black(weight)) stretches.push_back({static_cast<int>(v), density.t_sample, weight});
+      if (!is_black(weight))
+        stretches.push_back({i, static_cast<int>(v), density.t_sample, weight});
     }
 }
 
@@ -202,7 +220,6 @@ const std::vector<ShellLight>& MediumSource::shells(const ShellMarcher& marcher,
     const double a = boundaries[i], b = std::min(boundaries[i + 1], t_end);
     const RgbD dimming = shell_transmittance(marcher, i);
     if (effects_.scattering) add_scattering(marcher, i, ray, a, b, jitter[i], dimming, random);
-    if (scattered_) add_scattered_again(marcher, i, ray, dimming);
     for (std::size_t v = 0; v < volumes.size(); ++v) {
       const Volume& volume = volumes[v];
       const ShellDensity& density = marcher.shell(static_cast<int>(v), i);
@@ -219,6 +236,7 @@ const std::vector<ShellLight>& MediumSource::shells(const ShellMarcher& marcher,
       }
     }
   }
+  if (scattered_) add_scattered_again(marcher, ray, random);
   if (pending_.empty()) return shells_;
 
   shadow_rays_.clear();

@@ -25,7 +25,7 @@ struct ShellLight {
 
 // What a volume scatters of a stretch of a ray, without its phase function.
 struct MediumStretch {
-  int volume = 0;
+  int shell = 0, volume = 0;
   double distance = 0;  // Of a point that stands for it.
   RgbD weight;          // The integral of transmittance * sigma_s.
 };
@@ -56,8 +56,13 @@ class MediumSource {
   // Without `directional` its terms are left at 0, and cost nothing.
   MediumSource(const Lighting& lighting, const Effects& effects, bool directional = false);
 
-  // What has scattered already, from now on; null: nothing. It must outlive its use.
-  void use_scattered(const IncidentField* scattered) { scattered_ = scattered; }
+  // What has scattered already, from now on; null: nothing. It must outlive its use. Shells ask for
+  // it one by one, or, where `most_asked` is above 0, at most so many of a ray's do, fewer where
+  // less scatters: drawn in proportion to what they scatter, they stand for the others.
+  void use_scattered(const IncidentField* scattered, int most_asked = 0) {
+    scattered_ = scattered;
+    most_asked_ = most_asked;
+  }
 
   // Light from each shell of `marcher`, which has just marched `ray` through `boundaries` up to
   // t_end. `random` gives area lights their points; visibility is traced in packets.
@@ -97,18 +102,20 @@ class MediumSource {
     Harmonics value, along_u, along_v;
   };
   void look_along(const Vec3d& w);
-  void add_scattered_again(const ShellMarcher& marcher, int shell, const Ray& ray,
-                           const RgbD& transmittance);
+  void add_scattered_again(const ShellMarcher& marcher, const Ray& ray, RandomStream& random);
+  void add_scattered_again(const MediumStretch& stretch, const Ray& ray, double factor);
 
   const Lighting& lighting_;
   Effects effects_;
   bool directional_;
   const IncidentField* scattered_ = nullptr;
+  int most_asked_ = 0;
+  std::vector<MediumStretch> stretches_;
   std::vector<RayWeights> weights_;  // By volume.
   Frame across_{Vec3d(0.0, 0.0, 1.0)};
   std::vector<ShellLight> shells_;
   std::vector<Pending> pending_;
-  std::vector<Interval> lit_;  // Of the ray, by light.
+  std::vector<Interval> lit_;    // Of the ray, by light.
   std::vector<double> chances_;  // Running sums over volumes, for choosing one.
   std::vector<ShadowRay> shadow_rays_;
   std::vector<std::uint8_t> occluded_;

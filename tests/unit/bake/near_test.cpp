@@ -80,6 +80,32 @@ TEST(Near, AnotherUnitGivesTheSameRecords) {
   }
 }
 
+// Within a honeycomb, haze scatters next to nothing.
+TEST(Near, HazeInAClutterTakesFewRecords) {
+  const auto records = [](bool has_clutter) {
+    Scene scene;
+    const auto white = test::add_material(scene, test::diffuse(0.6f));
+    test::add_room(scene, test::kUnitBox, white);
+    for (int i = 0; has_clutter && i <= 8; ++i) {
+      const double at = 0.0125 * i;
+      test::add_rectangle(scene, {0.3 + at, 0.4, 0.3}, {0, 0.1, 0}, {0, 0, 0.1}, white);
+      test::add_rectangle(scene, {0.3, 0.4 + at, 0.3}, {0.1, 0, 0}, {0, 0, 0.1}, white);
+      test::add_rectangle(scene, {0.3, 0.4, 0.3 + at}, {0.1, 0, 0}, {0, 0.1, 0}, white);
+    }
+    scene.lights.emplace_back(PointLight{{0.8, 0.6, 0.9}, Rgb(1.0f)});
+    scene.volumes.push_back(test::haze(RgbD(0.1), RgbD(0.0), 0, test::kUnitBox));
+    BakeSettings settings = test::coarse_settings(1);
+    settings.volume_bounces = 3;
+    const Stage stage(scene, settings);
+    BakeRequest request;
+    request.views = {test::room_view(8, 8)};
+    request.deep_only = true;
+    request.threads = 2;
+    return stage.bake(request).cache->volume()->size();
+  };
+  EXPECT_LT(double(records(true)), 1.5 * double(records(false)));
+}
+
 class TwoRooms : public testing::TestWithParam<double> {};
 
 TEST_P(TwoRooms, NoLightComesThroughTheWall) {

@@ -1,5 +1,5 @@
-// Sums of scatterings on a row of records that each scatter to their two neighbours: nearly white and
-// long, so that plain terms take thousands.
+// Sums of scatterings on a row of records that each scatter to their two neighbours: nearly white
+// and long, so that plain terms take thousands.
 #include "bake/scattering_solve.h"
 
 #include <gtest/gtest.h>
@@ -77,8 +77,7 @@ TEST(ScatteringSolve, AcceleratedSumsAreWithinTheirBound) {
     double mean = 0;
     for (const RgbD& m : truth) mean += m[c] / kRecords;
     for (int i = 0; i < kRecords; ++i)
-      EXPECT_NEAR(sum[i][c], truth[i][c],
-                  solve.bound() * std::max(truth[i][c], 0.1 * mean) * 1.001)
+      EXPECT_NEAR(sum[i][c], truth[i][c], solve.bound() * std::max(truth[i][c], 0.1 * mean) * 1.001)
           << i;
   }
 }
