@@ -1,4 +1,4 @@
-// brume verify: a cache's answers against brute force.
+// brume verify: a cache's answers against traced paths, and records against many gathers.
 #include "cli/cache_input.h"
 #include "cli/cache_session.h"
 #include "cli/commands.h"
@@ -19,7 +19,7 @@ struct VerifyCommandOptions {
   SceneOptions scene;
   std::filesystem::path cache_file;
   std::optional<int> points;
-  std::optional<Size2> cells;
+  std::optional<int> paths;
   std::optional<std::uint64_t> seed;
   std::optional<double> max_rmse;
   std::optional<int> worst_points;
@@ -36,6 +36,7 @@ Json point_json(const VerifyPoint& point) {
           {"normal", json_of(point.normal)},
           {"cached", point.cached},
           {"reference", point.reference},
+          {"reference_error", point.reference_error},
           {"relative_error", point.relative_error()}};
 }
 
@@ -62,7 +63,7 @@ void print_verification(std::ostream& out, const Verification& v) {
                     {"p95", percent(v.p95)}});
   if (v.worst.empty()) return;
   std::vector<std::vector<std::string>> rows{
-      {"worst at", "normal", "from records", "brute force", "error"}};
+      {"worst at", "normal", "from records", "from paths", "error"}};
   const auto vector = [](const Vec3d& p) {
     return shown_number(p.x) + "," + shown_number(p.y) + "," + shown_number(p.z);
   };
@@ -107,7 +108,7 @@ void save(const VerifyCommandOptions& options, const VerifyOptions& used, const 
   all["fingerprint"] = opened.header.fingerprint.hex();
   all["records"] = opened.cache.size();
   all["settings"] = settings_json(opened.header.settings);
-  all["cells"] = {used.cells_theta, used.cells_phi};
+  all["paths"] = used.paths;
   all["seed"] = used.seed;
   all.update(verification_json(v));
   if (options.max_rmse) {
@@ -118,10 +119,10 @@ void save(const VerifyCommandOptions& options, const VerifyOptions& used, const 
 }
 
 int verify(const VerifyCommandOptions& options, const CommandContext& context) {
-  if (options.records && (options.points || options.cells || options.max_rmse ||
+  if (options.records && (options.points || options.paths || options.max_rmse ||
                           options.worst_points || options.is_saved))
     throw Error(ErrorKind::Usage,
-                "--records: measures records, not points: leave out --points, --cells, --max-rmse, "
+                "--records: measures records, not points: leave out --points, --paths, --max-rmse, "
                 "--worst and --save");
   if (!context.stats_file.empty()) check_writable(context.stats_file);
   if (options.is_saved) check_writable(saved_result(options.cache_file));
@@ -154,10 +155,7 @@ int verify(const VerifyCommandOptions& options, const CommandContext& context) {
   }
   VerifyOptions verify_options;
   if (options.points) verify_options.points = *options.points;
-  if (options.cells) {
-    verify_options.cells_theta = options.cells->x;
-    verify_options.cells_phi = options.cells->y;
-  }
+  if (options.paths) verify_options.paths = 2 * ((*options.paths + 1) / 2);
   if (options.seed) verify_options.seed = *options.seed;
   if (options.worst_points) verify_options.worst_points = *options.worst_points;
   verify_options.threads = context.threads;
@@ -189,7 +187,7 @@ int verify(const VerifyCommandOptions& options, const CommandContext& context) {
 
 void add_verify_command(CLI::App& app, CommandContext& context) {
   CLI::App* verb =
-      app.add_subcommand("verify", "Compares a cache with brute force at random points");
+      app.add_subcommand("verify", "Compares a cache with traced paths at random points");
   const auto options = std::make_shared<VerifyCommandOptions>();
   verb->add_option_function<std::string>(
           "CACHE", [options](const std::string& text) { options->cache_file = text; }, "Cache file")
@@ -197,12 +195,8 @@ void add_verify_command(CLI::App& app, CommandContext& context) {
   add_scene_options(*verb, context, options->scene);
   add_integer(*verb, "--points", options->points, 1, 10'000'000, "How many points (default 64)")
       ->group("Verification");
-  add_parsed(
-      *verb, "--cells", "MxN", options->cells,
-      [](const std::string& option, const std::string& text) {
-        return std::optional<Size2>(parse_size(option, text, 4096));
-      },
-      "Hemisphere cells of the brute-force gathers (default 64x201)")
+  add_integer(*verb, "--paths", options->paths, 2, 100'000'000,
+              "Paths at each point (default 4096); their own error is taken out of the RMSE")
       ->group("Verification");
   with_environment(context, *verb,
                    add_parsed(
@@ -210,7 +204,7 @@ void add_verify_command(CLI::App& app, CommandContext& context) {
                        [](const std::string& option, const std::string& text) {
                          return std::optional<std::uint64_t>(parse_unsigned(option, text));
                        },
-                       "Of the points and gathers (default 1)"))
+                       "Of the points, paths and gathers (default 1)"))
       ->group("Verification");
   add_number(*verb, "--max-rmse", options->max_rmse, 0, 1e6,
              "Exit code 5 where the relative RMSE is above this")

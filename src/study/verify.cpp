@@ -5,6 +5,7 @@
 
 #include "core/parallel.h"
 #include "core/random.h"
+#include "render/reference_paths.h"
 
 namespace brume {
 namespace {
@@ -14,7 +15,8 @@ std::optional<Hit> near_record(const World& world, const Vec3d& position, const 
                                double radius, RandomStream& random) {
   const Frame frame(normal);
   const Vec2d u = random.uniform2();
-  const double r = 0.9 * radius * std::sqrt(u.x), lift = 0.25 * radius + 1e-5 * world.diagonal();
+  const double r = 0.9 * radius * std::sqrt(u.x);
+  const double lift = 0.25 * radius + 4 * world.tracer().offset_at(position);
   const double phi = 2 * kPi * u.y;
   const Vec3d above =
       position + frame.u * (r * std::cos(phi)) + frame.v * (r * std::sin(phi)) + normal * lift;
@@ -39,18 +41,18 @@ Verification verify_cache(const Lighting& lighting, const BakeSettings& settings
   Verification v;
   if (top.empty()) return v;
 
-  const Effects effects = plan_effects(world, settings.bounces, settings.volume_bounces);
-  GatherOptions gather = settings.gather;
-  gather.cells_theta = options.cells_theta;
-  gather.cells_phi = options.cells_phi;
-  const HitLight below = light_below(cache, settings, world, options.threads);
+  PathTracerOptions path_options;
+  path_options.transport = Transport::Cached;
+  path_options.bounces = settings.bounces;
+  path_options.volume_bounces = settings.volume_bounces;
 
   struct Outcome {
     VerifyPoint point;
+    double half[2] = {0, 0};  // Means of the paths' halves.
     bool on_surface = false, covered = false;
   };
   std::vector<Outcome> outcomes(static_cast<std::size_t>(options.points));
-  std::vector<std::unique_ptr<Gatherer>> gatherers(
+  std::vector<std::unique_ptr<ReferencePaths>> paths(
       static_cast<std::size_t>(resolve_thread_count(options.threads)));
   parallel_for_slots(options.threads, outcomes.size(), 1, [&](std::size_t i, int slot) {
     RandomStream random(random_key(options.seed, 0x766572ULL, i));
@@ -69,10 +71,23 @@ Verification verify_cache(const Lighting& lighting, const BakeSettings& settings
         cache.irradiance(pixel_query(world, hit->position, o.point.normal, 0));
     o.covered = e.records > 0;
     if (!o.covered) return;
-    if (!gatherers[slot]) gatherers[slot] = std::make_unique<Gatherer>(lighting, effects, gather);
-    Counters counters;
-    const GatherPoint at{hit->position, o.point.normal, hit->offset, random.bits()};
-    o.point.reference = luminance(gatherers[slot]->gather(at, below, counters).irradiance);
+    auto& tracer = paths[static_cast<std::size_t>(slot)];
+    if (!tracer) tracer = std::make_unique<ReferencePaths>(world, path_options);
+    const int each = options.paths / 2;
+    double squares = 0;
+    for (int half = 0; half < 2; ++half) {
+      for (int k = 0; k < each; ++k) {
+        const SamplePoints spread(random_key(options.seed, i, half), static_cast<std::uint32_t>(k));
+        RandomStream walk(random_key(options.seed, i, half, k));
+        const double sample =
+            luminance(tracer->indirect_irradiance(*hit, o.point.normal, spread.square(0), walk));
+        o.half[half] += sample / each;
+        squares += sample * sample;
+      }
+    }
+    const double mean = o.point.reference = (o.half[0] + o.half[1]) / 2;
+    o.point.reference_error =
+        std::sqrt(std::max(0.0, squares / (2 * each) - mean * mean) / (2 * each));
     o.point.cached = luminance(e.irradiance);
   });
 
@@ -95,12 +110,13 @@ Verification verify_cache(const Lighting& lighting, const BakeSettings& settings
     o.point.floor = 0.01 * mean;
     const double e = o.point.relative_error();
     bias += o.point.cached - o.point.reference;
-    squares += e * e;
+    const double scale = std::max(o.point.reference, o.point.floor);
+    squares += (o.point.cached - o.half[0]) * (o.point.cached - o.half[1]) / (scale * scale);
     errors.push_back(std::abs(e));
     v.worst.push_back(o.point);
   }
   v.bias = mean > 0 ? bias / v.points / mean : 0;
-  v.rmse = std::sqrt(squares / v.points);
+  v.rmse = std::sqrt(std::max(0.0, squares / v.points));
   std::sort(errors.begin(), errors.end());
   std::stable_sort(v.worst.begin(), v.worst.end(), [](const VerifyPoint& a, const VerifyPoint& b) {
     return std::abs(a.relative_error()) > std::abs(b.relative_error());

@@ -191,8 +191,8 @@ TEST_F(Bake, AnswersWorseThanTheThresholdFailOnceAllIsWritten) {
 TEST_F(Bake, VerifyFailsAboveItsThreshold) {
   ASSERT_EQ(bake().code, 0);
   const std::string scene = write_scene();
-  const std::vector<std::string> base{"verify", path("c.irc"), scene,   "--points",
-                                      "8",      "--cells",     "16x48", "--json"};
+  const std::vector<std::string> base{"verify", path("c.irc"), scene, "--points",
+                                      "8",      "--paths",     "400", "--json"};
   const RunResult result = brume(base);
   ASSERT_EQ(result.code, 0) << result.err;
   const auto json = result.json();
@@ -226,7 +226,7 @@ TEST_F(Bake, VerifyMeasuresRecordsAgainstTheirOwnTruth) {
 TEST_F(Bake, VerifyNamesTheWorstPointsAndSavesItsResult) {
   ASSERT_EQ(bake().code, 0);
   const std::vector<std::string> command{
-      "verify",  path("c.irc"), write_scene(), "--points", "12",         "--cells", "16x48",
+      "verify",  path("c.irc"), write_scene(), "--points", "12",         "--paths", "400",
       "--worst", "4",           "--save",      "--json",   "--max-rmse", "0"};
   const RunResult result = brume(command);
   EXPECT_EQ(result.code, 5) << "saved all the same";
