@@ -290,8 +290,8 @@ bool DeepBake::place() {
     if (spacing == 1 && part > kLeastProgress * last_part) break;
     last_part = part;
     report(0.6 * std::min(1.0, kOpenPart / part));
-    Points points = heaviest(
-        thin_by_footprint(open, 0.7 * spacing),
+    Points points = thin_by_footprint(
+        open, 0.7 * spacing,
         std::min(kMostRecords - records_.size(), std::max(kLeastWave, records_.size() / 2)));
     const std::size_t before = records_.size();
     if (is_stopped() || !bake_wave(on_surfaces(std::move(points)))) return false;
@@ -310,7 +310,8 @@ bool DeepBake::place() {
   }
   // Where light never came to, a few say so: gathers there need not look for others far and wide.
   for (SurfacePoint& p : first.dark) p.min_radius = std::max(p.min_radius, finest_);
-  return bake_wave(on_surfaces(thin_by_footprint(uncovered(first.dark), 0.7 * kFirstSpacing)));
+  const Points dark = uncovered(first.dark);
+  return bake_wave(on_surfaces(thin_by_footprint(dark, 0.7 * kFirstSpacing, dark.size())));
 }
 
 DeepBake::Records DeepBake::with_light(const std::vector<RgbD>& light) const {

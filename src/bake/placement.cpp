@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <limits>
-#include <numeric>
 #include <unordered_map>
 
 #include "core/parallel.h"
@@ -138,14 +137,13 @@ namespace {
 // near.
 class KeptPoints {
  public:
-  // One that is as near to `p` as `distance`; null without any. Valid until the next add().
-  SurfacePoint* find(const SurfacePoint& p, double distance) {
+  // Whether none kept before is as near as `distance`.
+  bool is_free(const SurfacePoint& p, double distance) {
     const int level = static_cast<int>(std::ceil(std::log2(2 * distance)));
     if (level != level_) {
       level_ = level;
       cubes_.clear();
-      for (std::size_t k = 0; k < kept_.size(); ++k)
-        cubes_[cube_of(kept_[k].position)].push_back(k);
+      for (const SurfacePoint* k : kept_) cubes_[cube_of(k->position)].push_back(k);
     }
     const Cube low = cube_of(p.position - Vec3d(distance));
     const Cube high = cube_of(p.position + Vec3d(distance));
@@ -154,18 +152,18 @@ class KeptPoints {
         for (std::int64_t z = low[2]; z <= high[2]; ++z) {
           const auto found = cubes_.find({x, y, z});
           if (found == cubes_.end()) continue;
-          for (const std::size_t k : found->second)
-            if ((kept_[k].position - p.position).length2() < distance * distance &&
-                kept_[k].normal.dot(p.normal) > kMaxNormalCosine)
-              return &kept_[k];
+          for (const SurfacePoint* k : found->second)
+            if ((k->position - p.position).length2() < distance * distance &&
+                k->normal.dot(p.normal) > kMaxNormalCosine)
+              return false;
         }
-    return nullptr;
+    return true;
   }
+  // `p` must outlive this.
   void add(const SurfacePoint& p) {
-    cubes_[cube_of(p.position)].push_back(kept_.size());
-    kept_.push_back(p);
+    kept_.push_back(&p);
+    cubes_[cube_of(p.position)].push_back(&p);
   }
-  std::vector<SurfacePoint> take() { return std::move(kept_); }
 
  private:
   using Cube = std::array<std::int64_t, 3>;
@@ -181,51 +179,39 @@ class KeptPoints {
   }
 
   int level_ = std::numeric_limits<int>::max();  // Cubes are 2^level wide.
-  std::vector<SurfacePoint> kept_;
-  std::unordered_map<Cube, std::vector<std::size_t>, Hash> cubes_;
+  std::vector<const SurfacePoint*> kept_;
+  std::unordered_map<Cube, std::vector<const SurfacePoint*>, Hash> cubes_;
 };
 
 // Distances may not grow from point to point.
 template <typename DistanceOf>
 std::vector<SurfacePoint> thinned(const std::vector<SurfacePoint>& points,
-                                  const DistanceOf& distance_of) {
+                                  const DistanceOf& distance_of, std::size_t most) {
   KeptPoints kept;
+  std::vector<SurfacePoint> result;
   for (const SurfacePoint& p : points) {
-    if (SurfacePoint* near = kept.find(p, distance_of(p)))
-      near->weight += p.weight;
-    else
-      kept.add(p);
+    if (result.size() == most) break;
+    if (!kept.is_free(p, distance_of(p))) continue;
+    kept.add(p);
+    result.push_back(p);
   }
-  return kept.take();
+  return result;
 }
 
 }  // namespace
 
 std::vector<SurfacePoint> thin(const std::vector<SurfacePoint>& points, double distance) {
-  return thinned(points, [=](const SurfacePoint&) { return distance; });
+  return thinned(
+      points, [=](const SurfacePoint&) { return distance; }, points.size());
 }
 
-std::vector<SurfacePoint> thin_by_footprint(std::vector<SurfacePoint> points, double part) {
+std::vector<SurfacePoint> thin_by_footprint(std::vector<SurfacePoint> points, double part,
+                                            std::size_t most) {
   std::stable_sort(points.begin(), points.end(), [](const SurfacePoint& a, const SurfacePoint& b) {
     return a.min_radius > b.min_radius;
   });
-  return thinned(points, [=](const SurfacePoint& p) { return part * p.min_radius; });
-}
-
-std::vector<SurfacePoint> heaviest(std::vector<SurfacePoint> points, std::size_t most) {
-  if (points.size() <= most) return points;
-  std::vector<std::size_t> order(points.size());
-  std::iota(order.begin(), order.end(), std::size_t(0));
-  std::nth_element(
-      order.begin(), order.begin() + static_cast<std::ptrdiff_t>(most), order.end(),
-      [&](std::size_t a, std::size_t b) {
-        return points[a].weight != points[b].weight ? points[a].weight > points[b].weight : a < b;
-      });
-  order.resize(most);
-  std::sort(order.begin(), order.end());
-  std::vector<SurfacePoint> result;
-  for (const std::size_t i : order) result.push_back(points[i]);
-  return result;
+  return thinned(
+      points, [=](const SurfacePoint& p) { return part * p.min_radius; }, most);
 }
 
 std::vector<SurfacePoint> view_points(const World& world, const BakeView& view,

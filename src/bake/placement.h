@@ -16,7 +16,7 @@ struct SurfacePoint {
   Vec3d position{0.0}, normal{0.0};
   double offset = 0;      // Clears the surface.
   double min_radius = 0;  // Records act as at least this wide here.
-  double weight = 0;      // How much asks for light here.
+  double weight = 0;      // Of what asks for light here, against other points.
 };
 
 // All surfaces, both sides, in patches that are halved only while records leave them open: what a
@@ -59,10 +59,9 @@ inline constexpr double kCoveredWithin = 0.8;
 // Those of `points`, in order, that keep `distance` from every one kept before on the same side.
 std::vector<SurfacePoint> thin(const std::vector<SurfacePoint>& points, double distance);
 // The same with a distance of its own for each: `part` of its min_radius. Looks at the widest
-// first. Those that are kept take over the weights of the others.
-std::vector<SurfacePoint> thin_by_footprint(std::vector<SurfacePoint> points, double part);
-// The heaviest of them, in order.
-std::vector<SurfacePoint> heaviest(std::vector<SurfacePoint> points, std::size_t most);
+// first, and keeps at most so many.
+std::vector<SurfacePoint> thin_by_footprint(std::vector<SurfacePoint> points, double part,
+                                            std::size_t most);
 
 // What the points (x0 + i stride, y0 + j stride) inside a rectangle see, without those that also
 // lie on the lattice of twice the stride when `skip_coarser`. There are kPointsPerPixel along each

@@ -17,23 +17,16 @@ std::vector<SurfacePoint> random_points(std::size_t count) {
     p.position = Vec3d(random.uniform(), random.uniform(), random.uniform()) * 0.4 - Vec3d(0.2);
     p.normal = random.uniform() < 0.5 ? Vec3d(0, 0, 1) : Vec3d(1, 0, 0);
     p.min_radius = std::pow(10, -3 * random.uniform()) * 0.5;
-    p.weight = random.uniform();
     points.push_back(p);
   }
   return points;
 }
 
-double weight_of(const std::vector<SurfacePoint>& points) {
-  double sum = 0;
-  for (const SurfacePoint& p : points) sum += p.weight;
-  return sum;
-}
-
 // Against asking every point kept before.
-TEST(Placement, ThinnedPointsKeepTheirDistancesAndAllWeights) {
+TEST(Placement, ThinnedPointsKeepTheirDistances) {
   constexpr double kPart = 0.7;
   std::vector<SurfacePoint> points = random_points(3000);
-  const std::vector<SurfacePoint> thinned = thin_by_footprint(points, kPart);
+  const std::vector<SurfacePoint> thinned = thin_by_footprint(points, kPart, points.size());
   std::stable_sort(points.begin(), points.end(), [](const SurfacePoint& a, const SurfacePoint& b) {
     return a.min_radius > b.min_radius;
   });
@@ -46,27 +39,11 @@ TEST(Placement, ThinnedPointsKeepTheirDistancesAndAllWeights) {
       expected.push_back(p);
   ASSERT_EQ(thinned.size(), expected.size());
   EXPECT_LT(thinned.size(), points.size() * 9 / 10);
-  for (std::size_t i = 0; i < thinned.size(); ++i) {
+  for (std::size_t i = 0; i < thinned.size(); ++i)
     EXPECT_EQ(thinned[i].position, expected[i].position);
-    EXPECT_GE(thinned[i].weight, expected[i].weight);
-  }
-  EXPECT_NEAR(weight_of(thinned), weight_of(points), 1e-9 * weight_of(points));
-}
-
-TEST(Placement, TheHeaviestStayInOrder) {
-  const std::vector<SurfacePoint> points = random_points(200);
-  const std::vector<SurfacePoint> few = heaviest(points, 50);
+  const std::vector<SurfacePoint> few = thin_by_footprint(points, kPart, 50);
   ASSERT_EQ(few.size(), 50u);
-  double least = 1;
-  for (const SurfacePoint& p : few) least = std::min(least, p.weight);
-  std::size_t next = 0;
-  for (const SurfacePoint& p : points) {
-    if (p.weight < least) continue;
-    ASSERT_LT(next, few.size());
-    EXPECT_EQ(few[next++].position, p.position);
-  }
-  EXPECT_EQ(next, few.size());
-  EXPECT_EQ(heaviest(points, 500).size(), points.size());
+  for (std::size_t i = 0; i < few.size(); ++i) EXPECT_EQ(few[i].position, thinned[i].position);
 }
 
 }  // namespace
