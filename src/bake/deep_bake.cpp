@@ -94,9 +94,9 @@ class DeepBake {
   bool bake_wave(const Points& points);
   // What an earlier run's first gather found at a record that is placed.
   bool find_first(SurfaceRecord& record, DeepRow& row) const;
-  // What a hit of that width weighs.
+  // What a hit of that width weighs. Nothing is finest where only the medium sees surfaces.
   double weight_of_width(double width) const {
-    const double capped = std::min(width, kWidestPart * finest_);
+    const double capped = finest_ > 0 ? std::min(width, kWidestPart * finest_) : width;
     return capped * capped;
   }
   // What the hits of records weigh, against others as wide: those whose own light, of first order,
