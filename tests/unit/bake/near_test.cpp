@@ -106,6 +106,23 @@ TEST(Near, HazeInAClutterTakesFewRecords) {
   EXPECT_LT(double(records(true)), 1.5 * double(records(false)));
 }
 
+// No surface sees another, and no lamp has a place: the medium alone asks what the ground reflects.
+TEST(Near, GroundThatOnlyHazeSeesHasDeepRecords) {
+  Scene scene;
+  test::add_rectangle(scene, {-5, -5, 0}, {10, 0, 0}, {0, 10, 0},
+                      test::add_material(scene, test::diffuse(0.6f)));
+  scene.lights.emplace_back(DirectionalLight{{0, 0.2, -1}, Rgb(3.0f)});
+  scene.volumes.push_back(test::haze(RgbD(1.0), RgbD(0.1), 0, Box3d({-2, -2, 0.1}, {2, 2, 1})));
+  BakeSettings settings = test::coarse_settings(2);
+  settings.volume_bounces = 3;
+  const Stage stage(scene, settings);
+  BakeRequest request;
+  request.views = {view_of_block()};
+  request.deep_only = true;
+  request.threads = 2;
+  EXPECT_GT(stage.bake(request).cache->records().size(), 100u);
+}
+
 class TwoRooms : public testing::TestWithParam<double> {};
 
 TEST_P(TwoRooms, NoLightComesThroughTheWall) {
