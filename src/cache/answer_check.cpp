@@ -16,16 +16,11 @@ struct Trial {
   const CheckedPoint* point = nullptr;
   double answer = 0;
 
-  double truth() const { return (point->half[0] + point->half[1]) / point->paths; }
-  double truth_error() const {
-    const double mean = truth();
-    return std::sqrt(std::max(0.0, point->squares / point->paths - mean * mean) /
-                     std::max(1, point->paths - 1));
-  }
+  double truth() const { return point->truth.mean(); }
+  double truth_error() const { return point->truth.error(); }
   // An estimate of (answer - truth)^2 without the paths' own variance.
   double square() const {
-    return (answer - 2 * point->half[0] / point->paths) *
-           (answer - 2 * point->half[1] / point->paths);
+    return (answer - point->truth.half_mean(0)) * (answer - point->truth.half_mean(1));
   }
   // Of that estimate: each half is twice as uncertain as both.
   double square_variance() const {
@@ -75,10 +70,7 @@ CheckedPoint united(const CheckedPoint& a, const CheckedPoint& b) {
     all.gathered.reset();
   else if (!all.gathered)
     all.gathered = a.gathered ? a.gathered : b.gathered;
-  const CheckedPoint& truth = a.paths >= b.paths ? a : b;
-  std::copy(std::begin(truth.half), std::end(truth.half), std::begin(all.half));
-  all.squares = truth.squares;
-  all.paths = truth.paths;
+  all.truth = a.truth.paths >= b.truth.paths ? a.truth : b.truth;
   return all;
 }
 
@@ -91,10 +83,10 @@ Json json_of_point(const CheckedPoint& p) {
     json["keys"] = p.keys;
   }
   if (p.gathered) json["gathered"] = *p.gathered;
-  if (p.paths > 0) {
-    json["paths"] = p.paths;
-    json["halves"] = {p.half[0], p.half[1]};
-    json["squares"] = p.squares;
+  if (p.truth.paths > 0) {
+    json["paths"] = p.truth.paths;
+    json["halves"] = {p.truth.half[0], p.truth.half[1]};
+    json["squares"] = p.truth.squares;
   }
   return json;
 }
@@ -113,15 +105,20 @@ CheckedPoint point_of(const Json& json) {
   }
   if (json.contains("gathered")) p.gathered = json["gathered"].get<double>();
   if (json.contains("paths")) {
-    p.paths = std::max(0, json["paths"].get<int>());
-    p.half[0] = json.at("halves").at(0);
-    p.half[1] = json.at("halves").at(1);
-    p.squares = json.at("squares");
+    p.truth.paths = std::max(0, json["paths"].get<int>());
+    p.truth.half[0] = json.at("halves").at(0);
+    p.truth.half[1] = json.at("halves").at(1);
+    p.truth.squares = json.at("squares");
   }
   return p;
 }
 
 }  // namespace
+
+double TracedIrradiance::error() const {
+  const double variance = squares / paths - mean() * mean();
+  return std::sqrt(std::max(0.0, variance) / std::max(1, paths - 1));
+}
 
 bool AnswerCheck::is_doubtful() const {
   constexpr double kMostBias = 0.03, kMostRmse = 0.1;
@@ -139,12 +136,12 @@ AnswerCheck summarise(const CheckedRequests& checked, std::span<const SurfaceRec
   AnswerCheck check;
   for (const CheckedRequest& request : checked)
     for (const CheckedPoint& point : request.points) {
-      if (point.paths == 0) continue;
+      if (point.truth.paths == 0) continue;
       const std::optional<double> answer = answer_of(point, by_key, origin);
       if (!answer) continue;
       trials.push_back({&point, *answer});
       check.gathered += point.stretches == CheckedPoint::kNobody;
-      check.paths = point.paths;
+      check.paths = point.truth.paths;
     }
   check.points = static_cast<int>(trials.size());
   if (trials.empty()) return check;

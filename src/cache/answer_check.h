@@ -14,6 +14,20 @@
 
 namespace brume {
 
+// Luminance of irradiance at a point by traced paths, in two independent halves: even and odd ones.
+struct TracedIrradiance {
+  double half[2] = {0, 0};  // Sums.
+  double squares = 0;       // Sum of squares, of both.
+  int paths = 0;            // An even number.
+
+  // None of these is defined for no paths.
+  double half_mean(int i) const { return 2 * half[i] / paths; }
+  double mean() const { return (half[0] + half[1]) / paths; }
+  double error() const;  // Standard error of the mean.
+
+  friend bool operator==(const TracedIrradiance&, const TracedIrradiance&) = default;
+};
+
 struct CheckedPoint {
   static constexpr int kNobody = 255;
 
@@ -22,11 +36,7 @@ struct CheckedPoint {
   int stretches = kNobody;          // Doublings of the footprint before records answered.
   std::vector<std::uint64_t> keys;  // Of those that then did, ascending; they see the point.
   std::optional<double> gathered;   // Where nobody did: what a gather finds, luminance.
-  // The truth, by two independent halves of paths: sums of luminance, and of its squares. No paths:
-  // another shard's.
-  double half[2] = {0, 0};
-  double squares = 0;
-  int paths = 0;
+  TracedIrradiance truth;           // No paths: another shard's.
 
   friend bool operator==(const CheckedPoint&, const CheckedPoint&) = default;
 };

@@ -5,8 +5,8 @@
 #include "core/parallel.h"
 #include "core/random.h"
 #include "geom/surface_area.h"
+#include "render/irradiance_paths.h"
 #include "render/picture_irradiance.h"
-#include "render/reference_paths.h"
 #include "scene/camera_rays.h"
 
 namespace brume {
@@ -47,41 +47,9 @@ void find_records(const World& world, const IrradianceCache& cache, CheckedPoint
   }
 }
 
-// Rays of one thread and what they cost.
-class Paths {
- public:
-  Paths(const World& world, const BakeSettings& settings)
-      : options_(options_of(settings)), paths_(world, options_) {}
-  Paths(const Paths&) = delete;
-
-  // Goes on to `count` paths from a point; even and odd numbers are its halves. Returns the work.
-  double follow(const AskedPoint& asked, std::uint64_t key, int count, CheckedPoint& point) {
-    const double before = work();
-    for (; point.paths < count; ++point.paths) {
-      const int half = point.paths % 2;
-      const SamplePoints spread(random_key(key, half), static_cast<std::uint32_t>(point.paths / 2));
-      RandomStream random(random_key(key, half, point.paths));
-      const double e =
-          luminance(paths_.indirect_irradiance(asked.hit, asked.normal, spread.square(0), random));
-      point.half[half] += e;
-      point.squares += e * e;
-    }
-    return work() - before;
-  }
-
- private:
-  static PathTracerOptions options_of(const BakeSettings& settings) {
-    PathTracerOptions options;
-    options.transport = Transport::Cached;
-    options.bounces = settings.bounces;
-    options.volume_bounces = settings.volume_bounces;
-    return options;
-  }
-  double work() const { return double(paths_.rays()) + kLookupWork * double(paths_.lookups()); }
-
-  PathTracerOptions options_;
-  ReferencePaths paths_;  // Looks at the options.
-};
+double work_of(const IrradiancePaths& paths) {
+  return double(paths.rays()) + kLookupWork * double(paths.lookups());
+}
 
 }  // namespace
 
@@ -136,10 +104,10 @@ CheckedRequest check_answers(const Lighting& lighting, const BakeSettings& setti
   const std::size_t slots = static_cast<std::size_t>(resolve_thread_count(threads));
 
   // The first paths of every point, in every shard, say how many are affordable.
-  std::vector<std::unique_ptr<Paths>> paths(slots);
-  const auto paths_of = [&](int slot) -> Paths& {
+  std::vector<std::unique_ptr<IrradiancePaths>> paths(slots);
+  const auto paths_of = [&](int slot) -> IrradiancePaths& {
     auto& p = paths[static_cast<std::size_t>(slot)];
-    if (!p) p = std::make_unique<Paths>(world, settings);
+    if (!p) p = std::make_unique<IrradiancePaths>(world, settings);
     return *p;
   };
   std::vector<double> work(asked.size());
@@ -149,7 +117,10 @@ CheckedRequest check_answers(const Lighting& lighting, const BakeSettings& setti
     point.normal = asked[i].normal;
     point.footprint = asked[i].footprint;
     find_records(world, cache, point);
-    work[i] = paths_of(slot).follow(asked[i], key_of(i), kPilotPaths, point);
+    IrradiancePaths& tracer = paths_of(slot);
+    const double before = work_of(tracer);
+    tracer.follow(asked[i].hit, asked[i].normal, key_of(i), kPilotPaths, point.truth);
+    work[i] = work_of(tracer) - before;
   });
   double work_of_one = 0;
   for (const double w : work) work_of_one += w / kPilotPaths;
@@ -166,11 +137,10 @@ CheckedRequest check_answers(const Lighting& lighting, const BakeSettings& setti
   parallel_for_slots(threads, asked.size(), 1, [&](std::size_t i, int slot) {
     CheckedPoint& point = checked.points[i];
     if (!is_ours(i)) {
-      point.half[0] = point.half[1] = point.squares = 0;
-      point.paths = 0;
+      point.truth = {};
       return;
     }
-    paths_of(slot).follow(asked[i], key_of(i), most, point);
+    paths_of(slot).follow(asked[i].hit, asked[i].normal, key_of(i), most, point.truth);
     if (point.stretches != CheckedPoint::kNobody) return;
     auto& gatherer = gatherers[static_cast<std::size_t>(slot)];
     if (!gatherer)

@@ -5,7 +5,7 @@
 
 #include "core/parallel.h"
 #include "core/random.h"
-#include "render/reference_paths.h"
+#include "render/irradiance_paths.h"
 
 namespace brume {
 namespace {
@@ -41,18 +41,13 @@ Verification verify_cache(const Lighting& lighting, const BakeSettings& settings
   Verification v;
   if (top.empty()) return v;
 
-  PathTracerOptions path_options;
-  path_options.transport = Transport::Cached;
-  path_options.bounces = settings.bounces;
-  path_options.volume_bounces = settings.volume_bounces;
-
   struct Outcome {
     VerifyPoint point;
-    double half[2] = {0, 0};  // Means of the paths' halves.
+    TracedIrradiance truth;
     bool on_surface = false, covered = false;
   };
   std::vector<Outcome> outcomes(static_cast<std::size_t>(options.points));
-  std::vector<std::unique_ptr<ReferencePaths>> paths(
+  std::vector<std::unique_ptr<IrradiancePaths>> paths(
       static_cast<std::size_t>(resolve_thread_count(options.threads)));
   parallel_for_slots(options.threads, outcomes.size(), 1, [&](std::size_t i, int slot) {
     RandomStream random(random_key(options.seed, 0x766572ULL, i));
@@ -72,22 +67,10 @@ Verification verify_cache(const Lighting& lighting, const BakeSettings& settings
     o.covered = e.records > 0;
     if (!o.covered) return;
     auto& tracer = paths[static_cast<std::size_t>(slot)];
-    if (!tracer) tracer = std::make_unique<ReferencePaths>(world, path_options);
-    const int each = options.paths / 2;
-    double squares = 0;
-    for (int half = 0; half < 2; ++half) {
-      for (int k = 0; k < each; ++k) {
-        const SamplePoints spread(random_key(options.seed, i, half), static_cast<std::uint32_t>(k));
-        RandomStream walk(random_key(options.seed, i, half, k));
-        const double sample =
-            luminance(tracer->indirect_irradiance(*hit, o.point.normal, spread.square(0), walk));
-        o.half[half] += sample / each;
-        squares += sample * sample;
-      }
-    }
-    const double mean = o.point.reference = (o.half[0] + o.half[1]) / 2;
-    o.point.reference_error =
-        std::sqrt(std::max(0.0, squares / (2 * each) - mean * mean) / (2 * each));
+    if (!tracer) tracer = std::make_unique<IrradiancePaths>(world, settings);
+    tracer->follow(*hit, o.point.normal, random_key(options.seed, i), options.paths, o.truth);
+    o.point.reference = o.truth.mean();
+    o.point.reference_error = o.truth.error();
     o.point.cached = luminance(e.irradiance);
   });
 
@@ -111,7 +94,8 @@ Verification verify_cache(const Lighting& lighting, const BakeSettings& settings
     const double e = o.point.relative_error();
     bias += o.point.cached - o.point.reference;
     const double scale = std::max(o.point.reference, o.point.floor);
-    squares += (o.point.cached - o.half[0]) * (o.point.cached - o.half[1]) / (scale * scale);
+    squares += (o.point.cached - o.truth.half_mean(0)) * (o.point.cached - o.truth.half_mean(1)) /
+               (scale * scale);
     errors.push_back(std::abs(e));
     v.worst.push_back(o.point);
   }

@@ -16,10 +16,10 @@ CheckedPoint point_with(int stretches, std::vector<std::uint64_t> keys, int path
   p.stretches = stretches;
   p.keys = std::move(keys);
   if (paths > 0) {
-    p.paths = paths;
-    p.half[0] = 0.1 * paths;
-    p.half[1] = 0.2 * paths;
-    p.squares = 0.5 * paths;
+    p.truth.paths = paths;
+    p.truth.half[0] = 0.1 * paths;
+    p.truth.half[1] = 0.2 * paths;
+    p.truth.squares = 0.5 * paths;
   }
   return p;
 }
@@ -62,8 +62,8 @@ TEST(AnswerCheck, CountsPointsWhoseRecordsAndTruthAreThere) {
   asked.footprint = 0;
   const double there =
       luminance(RgbD(records[3].irradiance[0], records[3].irradiance[1], records[3].irradiance[2]));
-  asked.half[0] = asked.half[1] = 50 * there / 2;  // The truth is half the answer.
-  asked.squares = 100 * there * there / 4;
+  asked.truth.half[0] = asked.truth.half[1] = 50 * there / 2;  // The truth is half the answer.
+  asked.truth.squares = 100 * there * there / 4;
   const CheckedPoint gone = point_with(0, {12345}, 100),
                      unknown = point_with(0, {records[1].key}, 0);
   const AnswerCheck check = summarise({{1, {asked, gone, unknown}}}, records, Vec3d(5.0));
