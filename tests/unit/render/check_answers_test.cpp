@@ -4,6 +4,9 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
+
+#include "scene/scene_file.h"
 #include "support/near_scenes.h"
 
 namespace brume {
@@ -106,6 +109,47 @@ TEST(AnswerCheck, DoubtsLightThatComesThroughWalls) {
   const AnswerCheck leaking = check(stage, with_reach(*lit, 2), dark, 16);
   EXPECT_GT(leaking.bias, 0.99);
   EXPECT_TRUE(leaking.is_doubtful());
+}
+
+// Deep records as they were before radii followed what is near: at least so wide, whoever stands
+// between, and none within another's reach.
+IrradianceCache wide_deep_records(const IrradianceCache& cache, float radius) {
+  std::vector<SurfaceRecord> kept;
+  for (SurfaceRecord r : cache.records()) {
+    if (r.layer() != kDeepLayer) continue;
+    const auto covers = [&](const SurfaceRecord& k) {
+      double apart = 0, turned = 0;
+      for (int a = 0; a < 3; ++a) {
+        apart += std::pow(double(k.position[a]) - r.position[a], 2);
+        turned += double(k.normal[a]) * r.normal[a];
+      }
+      return std::sqrt(apart) < k.radius[0] && turned > 0.9;
+    };
+    if (std::any_of(kept.begin(), kept.end(), covers)) continue;
+    for (float& own : r.radius) own = std::max(own, radius);
+    r.flags |= kClearFlag;
+    kept.push_back(r);
+  }
+  return {std::move(kept), cache.origin(), {}, cache.volume()};
+}
+
+// A real room of thin planks in haze, with the deep radii of version 9: at least 0.016 of the
+// scene's diagonal.
+TEST(AnswerCheck, DoubtsWideDeepRecordsAmongPlanks) {
+  const auto file = std::filesystem::path(BRUME_SHARED_DATA) / "scenes" / "garage.json";
+  if (!std::filesystem::exists(file)) GTEST_SKIP() << "no " << file.filename();
+  const Scene scene = load_scene(file, {});
+  const Stage stage(scene, test::far_settings(4));
+  BakeRequest request = request_of({"garage", scene.find_camera(""), 48, 36});
+  request.threads = 2;
+  const auto right = stage.bake(request).cache;
+  EXPECT_FALSE(check(stage, *right, request).is_doubtful());
+
+  const auto old_radius = static_cast<float>(0.016 * stage.world.diagonal());
+  const IrradianceCache wide = wide_deep_records(*right, old_radius);
+  const AnswerCheck wrong = check(stage, *stage.bake(request, &wide).cache, request);
+  EXPECT_LT(wrong.bias, -0.06);
+  EXPECT_TRUE(wrong.is_doubtful());
 }
 
 TEST(AskedPoints, AreSpreadOverPixelsOrAllSurfaces) {
