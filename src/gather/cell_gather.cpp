@@ -29,7 +29,7 @@ CellGather::CellGather(const Lighting& lighting, const Effects& effects,
       marcher_(world_.medium(), march_options()),
       surfaces_(lighting, is_full()),
       medium_(lighting, effects, is_full()),
-      lamp_rays_(world_, effects),
+      guided_(world_, effects, lighting.bright_patches()),
       cells_(options.cell_count(), domain),
       noise_(cells_) {
   const auto& volumes = world_.medium().volumes();
@@ -60,43 +60,43 @@ void CellGather::gather(const Vec3d& origin, const Frame& base, std::uint64_t ke
   strata_.points.clear();
   strata_.spread = cells_.spread();
   for (int c = 0; c < n; ++c) cell_[c].w = frame_.to_world(cells_.direction(c, shift)).normalized();
-  lamp_rays_.draw(origin_, frame_, cells_, stream(-2, 0));
-  from_lamps_.assign(lamp_rays_.rays().size(), 0);
+  guided_.draw(origin_, frame_, cells_, light.reflect, stream(-2, 0), counters);
+  from_guided_.assign(guided_.rays().size(), 0);
   trace(light, counters);
   find_walls();
   boundaries_.clear();
   if (effects_.medium) choose_shells();
   sigma_here_ = effects_.medium ? world_.medium().sigma_t_at(origin_) : RgbD();
-  for (int c = 0; c < n; ++c) {
-    if (boundaries_.empty())
-      add_surface(c, RgbD(1));
-    else
-      march_cell(c, counters);
-  }
-  if (boundaries_.empty()) return;
-  for (std::size_t i = 0; i < lamp_rays_.rays().size(); ++i)
-    march_lamp_ray(static_cast<int>(i), counters);
+  for (int c = 0; c < n; ++c) add_cell(c, counters);
+  for (std::size_t i = 0; i < guided_.rays().size(); ++i) add_guided(static_cast<int>(i), counters);
 }
 
-// Pass 1: what each cell sees, and what surfaces send along it.
+// Pass 1: what each ray sees, and what surfaces send along it.
 void CellGather::trace(const HitLight& light, Counters& counters) {
   const int n = cells_.count();
   rays_.clear();
   for (int c = 0; c < n; ++c) rays_.push_back(ray_of(cell_[c]));
-  for (const LampRay& ray : lamp_rays_.rays()) rays_.push_back({origin_, ray.direction});
+  for (const GuidedRay& ray : guided_.rays()) rays_.push_back({origin_, ray.direction});
   hits_.resize(rays_.size());
   world_.tracer().intersect(rays_, hits_);
   counters.rays += rays_.size();
 
-  surfaces_.begin(n);
-  for (int c = 0; c < n; ++c) {
-    const Hit& hit = hits_[c];
+  surfaces_.begin(hits_.size());
+  for (std::size_t i = 0; i < hits_.size(); ++i) {
+    const Hit& hit = hits_[i];
     if (!hit.is_hit()) continue;
-    cell_[c].s = hit.t;
-    const double height = hit.normal.dot(cell_[c].w) * hit.t;
-    if (height != 0) cell_[c].q = hit.normal / height;
-    RandomStream random = stream(c, 1);
-    surfaces_.add(c, hit, cell_[c].w, cells_.spread() * hit.t, light, random, counters);
+    const Vec3d& w = rays_[i].direction;
+    double width = cells_.spread();
+    if (i < static_cast<std::size_t>(n)) {
+      cell_[i].s = hit.t;
+      const double height = hit.normal.dot(w) * hit.t;
+      if (height != 0) cell_[i].q = hit.normal / height;
+    } else {
+      // As wide as the solid angle that the ray stands for.
+      width *= std::sqrt(guided_.rays()[i - static_cast<std::size_t>(n)].share);
+    }
+    RandomStream random = stream(static_cast<int>(i), 1);
+    surfaces_.add(i, hit, w, width * hit.t, light, random, counters);
   }
   surfaces_.finish(counters);
 }
@@ -175,25 +175,35 @@ void CellGather::march(const Ray& ray, double end, int jitter, Counters& counter
 }
 
 // Pass 2 for one cell: march it, and add what its shells and its surface send.
-void CellGather::march_cell(int c, Counters& counters) {
+void CellGather::add_cell(int c, Counters& counters) {
   const Ray ray = ray_of(cell_[c]);
-  march(ray, cell_[c].s, c, counters);
-  if (options_.medium_points >= 0) keep_medium_points(c);
-  add_surface(c, exp_neg(marcher_.tau(marcher_.shell_count())));
   const double weight = cells_.domain() == DirectionDomain::Sphere ? 1 : cell_[c].w.dot(frame_.n);
-  own_[c] += add_medium(c, ray, cell_[c].s, lamp_rays_.share(cells_, c, cell_[c].w, weight),
-                        stream(c, 2), counters);
+  const double share = guided_.rays().empty() ? 1 : guided_.share(cells_, c, cell_[c].w, weight);
+  RgbD transmittance(1);
+  if (!boundaries_.empty()) {
+    march(ray, cell_[c].s, c, counters);
+    if (options_.medium_points >= 0) keep_medium_points(c);
+    transmittance = exp_neg(marcher_.tau(marcher_.shell_count()));
+  }
+  own_[c] = add_surface(c, c, transmittance * share);
+  if (!boundaries_.empty())
+    own_[c] += add_medium(c, ray, cell_[c].s, share, stream(c, 2), counters);
 }
 
-void CellGather::march_lamp_ray(int i, Counters& counters) {
-  const LampRay& lamp_ray = lamp_rays_.rays()[static_cast<std::size_t>(i)];
+void CellGather::add_guided(int i, Counters& counters) {
+  const GuidedRay& guided = guided_.rays()[static_cast<std::size_t>(i)];
   const int slot = cells_.count() + i;
   const double end = hits_[static_cast<std::size_t>(slot)].t;
-  const Ray ray{origin_, lamp_ray.direction};
-  march(ray, end, slot, counters);
-  from_lamps_[static_cast<std::size_t>(i)] =
-      cells_.cell(lamp_ray.cell).measure *
-      add_medium(lamp_ray.cell, ray, end, lamp_ray.share, stream(slot, 2), counters);
+  const Ray ray{origin_, guided.direction};
+  RgbD transmittance(1);
+  if (!boundaries_.empty()) {
+    march(ray, end, slot, counters);
+    transmittance = exp_neg(marcher_.tau(marcher_.shell_count()));
+  }
+  double added = add_surface(guided.cell, slot, transmittance * guided.share);
+  if (!boundaries_.empty())
+    added += add_medium(guided.cell, ray, end, guided.share, stream(slot, 2), counters);
+  from_guided_[static_cast<std::size_t>(i)] = cells_.cell(guided.cell).measure * added;
 }
 
 // What the shells of the ray that was just marched send, as a share of the cell's light.
@@ -237,47 +247,53 @@ Vec3d CellGather::bend_integral(int volume, int shell, double inverse_t) const {
   return marcher_.grad_integral(volume, shell) - marcher_.grad_moment(volume, shell) * inverse_t;
 }
 
-// What a cell's surface sends through the medium that was just marched, if any.
-void CellGather::add_surface(int c, const RgbD& transmittance) {
+// What the surface at the end of ray `slot` sends, dimmed, as part of a cell's light. Returns its
+// luminance.
+double CellGather::add_surface(int c, int slot, const RgbD& dimming) {
+  const std::size_t at = static_cast<std::size_t>(slot);
+  const Vec3d& w = rays_[at].direction;
+  if (options_.medium_points >= 0) keep_stratum(c, slot, dimming);
+  const RgbD sent = surfaces_.radiance(at) * dimming;
+  if (is_black(sent)) return 0;
   CellLight& light = light_[c];
-  light.surface = surfaces_.radiance(c) * transmittance;
-  light.emitted = surfaces_.emitted(c) * transmittance;
-  if (options_.medium_points >= 0) keep_stratum(c, transmittance);
-  if (is_black(light.surface)) return;
-  own_[c] = luminance(light.surface);
-  const double inverse_s = 1 / cell_[c].s;
-  light.over_distance = luminance(light.surface) * inverse_s;
-  if (!is_full()) return;
+  light.surface += sent;
+  light.emitted += surfaces_.emitted(at) * dimming;
+  const double inverse_s = 1 / hits_[at].t;
+  light.over_distance += luminance(sent) * inverse_s;
+  if (!is_full()) return luminance(sent);
+  // What is nearer than a wall moves by its own distance.
+  const double nearest = slot == c ? 0 : inverse_s;
   const DirectionCell& around = cells_.cell(c);
   for (int side = around.first_side; side < around.end_side; ++side)
-    phi_[side] = light.surface * inverse_r_[side];
+    phi_[side] += sent * std::max(inverse_r_[side], nearest);
   for (Bend& bend : bends_) {
     if (boundaries_.empty()) break;
-    bend.add(light.surface, bend_integral(bend.volume, marcher_.shell_count(), inverse_s));
-    light.grad_sigma -=
-        perpendicular(bend.in_world(world_.medium().volumes()[bend.volume]), cell_[c].w);
+    bend.add(sent, bend_integral(bend.volume, marcher_.shell_count(), inverse_s));
+    light.grad_sigma -= perpendicular(bend.in_world(world_.medium().volumes()[bend.volume]), w);
     bend.sum = {};
   }
-  if (!surfaces_.has_derivatives()) return;
-  RgbGradient d = surfaces_.direction_derivative(c);
-  for (int ch = 0; ch < 3; ++ch) d[ch] *= transmittance[ch] * inverse_s;
-  light.directional -= perpendicular(d, cell_[c].w);
+  if (!surfaces_.has_derivatives()) return luminance(sent);
+  RgbGradient d = surfaces_.direction_derivative(at);
+  for (int ch = 0; ch < 3; ++ch) d[ch] *= dimming[ch] * inverse_s;
+  light.directional -= perpendicular(d, w);
+  return luminance(sent);
 }
 
-// After its points.
-void CellGather::keep_stratum(int c, const RgbD& transmittance) {
+// After the points of a cell's own ray; guided rays have none, since what scattered before is
+// nowhere much brighter than elsewhere.
+void CellGather::keep_stratum(int c, int slot, const RgbD& dimming) {
   const std::size_t points_before = strata_.strata.empty() ? 0 : strata_.strata.back().points_end;
-  const Hit& hit = hits_[c];
+  const Hit& hit = hits_[static_cast<std::size_t>(slot)];
+  const Vec3d& w = rays_[static_cast<std::size_t>(slot)].direction;
   RgbD reflectance;
-  if (hit.is_hit())
-    reflectance = transmittance * diffuse_reflectance(world_.material(hit)) * kInvPi;
+  if (hit.is_hit()) reflectance = dimming * diffuse_reflectance(world_.material(hit)) * kInvPi;
   if (is_black(reflectance) && strata_.points.size() == points_before) return;
   Stratum s{};
   s.measure = static_cast<float>(cells_.cell(c).measure);
   s.points_end = static_cast<std::uint32_t>(strata_.points.size());
-  const Vec3d normal = hit.is_hit() ? reflecting_normal(hit, cell_[c].w) : Vec3d(0.0);
+  const Vec3d normal = hit.is_hit() ? reflecting_normal(hit, w) : Vec3d(0.0);
   for (int a = 0; a < 3; ++a) {
-    s.direction[a] = static_cast<float>(cell_[c].w[a]);
+    s.direction[a] = static_cast<float>(w[a]);
     s.normal[a] = static_cast<float>(normal[a]);
     s.reflectance[a] = static_cast<float>(reflectance[a]);
   }
@@ -322,7 +338,7 @@ void CellGather::keep_medium_points(int c) {
 double CellGather::error() const {
   std::vector<Vec3d> directions;
   for (const Cell& c : cell_) directions.push_back(c.w);
-  return std::sqrt(noise_.variance(cells_, directions, own_) + lamp_rays_.variance(from_lamps_));
+  return std::sqrt(noise_.variance(cells_, directions, own_) + guided_.variance(from_guided_));
 }
 
 void CellGather::look_here(Counters& counters) {

@@ -11,7 +11,7 @@
 #include "gather/cell_noise.h"
 #include "gather/direction_cells.h"
 #include "gather/gather.h"
-#include "gather/lamp_rays.h"
+#include "gather/guided_rays.h"
 #include "gather/medium_source.h"
 #include "gather/shell_sums.h"
 #include "gather/surface_light.h"
@@ -87,13 +87,13 @@ class CellGather {
   void choose_shells();
   void draw_jitter(int c);
   void march(const Ray& ray, double end, int jitter, Counters& counters);
-  void march_cell(int c, Counters& counters);
-  void march_lamp_ray(int i, Counters& counters);
+  void add_cell(int c, Counters& counters);
+  void add_guided(int i, Counters& counters);
   // Returns the luminance of what it added.
   double add_medium(int c, const Ray& ray, double end, double share, RandomStream random,
                     Counters& counters);
-  void add_surface(int c, const RgbD& transmittance);
-  void keep_stratum(int c, const RgbD& transmittance);
+  double add_surface(int c, int slot, const RgbD& dimming);
+  void keep_stratum(int c, int slot, const RgbD& dimming);
   void keep_medium_points(int c);
   Vec3d bend_integral(int volume, int shell, double inverse_t) const;
   Ray ray_of(const Cell& seen) const { return {origin_, seen.w}; }
@@ -108,7 +108,7 @@ class CellGather {
   ShellMarcher marcher_;
   SurfaceLight surfaces_;
   MediumSource medium_;
-  LampRays lamp_rays_;
+  GuidedRays guided_;
 
   DirectionCells cells_;
   CellNoise noise_;
@@ -122,8 +122,8 @@ class CellGather {
   std::vector<Ray> rays_;
   std::vector<Hit> hits_;
   std::vector<CellLight> light_;
-  std::vector<double> own_;         // Luminance of what a cell's own ray brings.
-  std::vector<double> from_lamps_;  // Of a lamp ray, times its cell's measure.
+  std::vector<double> own_;          // Luminance of what a cell's own ray brings.
+  std::vector<double> from_guided_;  // Of a lamp ray, times its cell's measure.
   Strata strata_;
   std::vector<MediumStretch> stretches_;
   std::vector<double> inverse_r_;  // 1/r at each side of a wall.

@@ -42,7 +42,7 @@ Vec3d random_point(const Box3d& box, RandomStream& random) {
 }  // namespace
 
 Lighting::Lighting(const World& world, const LightingOptions& options)
-    : world_(world), options_(options) {
+    : world_(world), options_(options), patches_(world) {
   for (const Volume& v : world.medium().volumes())
     boxes_.push_back(v.is_homogeneous() ? v.world_bounds() : v.density->world_bounds());
   tables_.resize(world.lights().size());

@@ -7,6 +7,7 @@
 #include <memory>
 #include <vector>
 
+#include "gather/bright_patches.h"
 #include "plan/effects.h"
 #include "scene/world.h"
 #include "vdb_media/light_volume.h"
@@ -37,6 +38,8 @@ class Lighting {
   const World& world() const { return world_; }
   const MarchOptions& march() const { return options_.march; }
 
+  const BrightPatches& bright_patches() const { return patches_; }
+
   // Transmittance from p to the light along its sample; visibility is not in it.
   RgbD transmittance(int light, const LightSample& sample, const Vec3d& p, Counters& counters) const;
   // The same, marched whatever the options say: for what eyes see directly.
@@ -62,6 +65,7 @@ class Lighting {
 
   const World& world_;
   LightingOptions options_;
+  BrightPatches patches_;
   std::vector<Box3d> boxes_;                // Of the volumes' density, by volume.
   std::vector<std::vector<Table>> tables_;  // By light; empty: marched.
   double rms_error_ = 0, max_error_ = 0;

@@ -1,14 +1,15 @@
 // Quads and emissive meshes.
 #include <optional>
 
+#include "core/sampling.h"
 #include "scene/light_types.h"
 #include "scene/spherical_rectangle.h"
 
 namespace brume {
 namespace {
 
-// Beyond this many times its longest edge, squared, a rectangle looks flat and small: uniform over the area
-// is then as good as over the solid angle, and cheaper.
+// Beyond this many times its longest edge, squared, a rectangle looks flat and small: uniform over
+// the area is then as good as over the solid angle, and cheaper.
 constexpr double kFarTimes2 = 4;
 // Below this solid angle its sampling loses digits.
 constexpr double kMinSolidAngle = 1e-7;
@@ -24,6 +25,12 @@ struct Emitter {
   // Of a point chosen uniformly over `area`.
   double area_pdf(double distance, double cosine, double area) const {
     return faces(cosine) ? distance * distance / (area * std::abs(cosine)) : 0;
+  }
+  // From a point of it; of the side that the normal is on, or of either.
+  Ray ray_from(const Vec3d& q, const Vec3d& normal, const Vec2d& way) const {
+    const bool is_back = two_sided && way.x >= 0.5;
+    const Vec2d u(two_sided ? std::fmod(2 * way.x, 1.0) : way.x, way.y);
+    return {q, Frame(is_back ? -normal : normal).to_world(sample_cosine_hemisphere(u))};
   }
   LightSample to_area_point(const Vec3d& p, const Vec3d& q, const Vec3d& normal,
                             double area) const {
@@ -81,6 +88,9 @@ class QuadShape {
     if (const auto sphere = solid_angle_from(p)) return 1 / sphere->solid_angle();
     return emitter.area_pdf(distance, cosine, area_);
   }
+  Ray emit(const Emitter& emitter, const Vec2d& place, const Vec2d& way) const {
+    return emitter.ray_from(corner_ + edge_u_ * place.x + edge_v_ * place.y, normal_, way);
+  }
   void append_to(std::vector<double>& values) const {
     for (const Vec3d& v : {corner_, edge_u_, edge_v_}) values.insert(values.end(), {v.x, v.y, v.z});
   }
@@ -119,6 +129,10 @@ class ReadyQuadLight final : public Light {
   double pdf(const Vec3d& p, const Vec3d& direction, double distance, const Vec3d&) const override {
     return shape_.pdf(emitter_, p, direction, distance);
   }
+  std::optional<Ray> emit(const Vec2d& place, const Vec2d& way) const override {
+    if (!(shape_.area() > 0)) return std::nullopt;
+    return shape_.emit(emitter_, place, way);
+  }
   double importance() const override { return emitted_power(emitter_, shape_.area(), unit_); }
   Vec3d centre() const override { return shape_.centre(); }
   Box3d bounds() const override { return shape_.bounds(); }
@@ -152,23 +166,17 @@ class ReadyMeshLight final : public Light {
 
   Kind kind() const override { return Kind::Mesh; }
   LightSample sample(const Vec3d& p, const Vec2d& u) const override {
-    if (!(area_ > 0)) return {};
-    const double at = u.x * area_;
-    const auto found = std::upper_bound(cumulative_area_.begin(), cumulative_area_.end(), at);
-    const std::size_t i =
-        std::min<std::size_t>(found - cumulative_area_.begin(), triangles_.size() - 1);
-    const double first = i ? cumulative_area_[i - 1] : 0, share = cumulative_area_[i] - first;
-    if (!(share > 0)) return {};
-    // What is left of u.x within its triangle is uniform again.
-    const double u_x = std::clamp((at - first) / share, 0.0, 1.0), s = std::sqrt(u_x);
-    const EmitterTriangle& t = triangles_[i];
-    const Vec3d e1 = t.b - t.a, e2 = t.c - t.a;
-    const Vec3d q = t.a + e1 * (1 - s) + e2 * (u.y * s);
-    return emitter_.to_area_point(p, q, e1.cross(e2).normalized(), area_);
+    const std::optional<Place> at = place(u);
+    return at ? emitter_.to_area_point(p, at->position, at->normal, area_) : LightSample{};
   }
   double pdf(const Vec3d&, const Vec3d& direction, double distance,
              const Vec3d& light_normal) const override {
     return area_ > 0 ? emitter_.area_pdf(distance, -light_normal.dot(direction), area_) : 0;
+  }
+  std::optional<Ray> emit(const Vec2d& u, const Vec2d& way) const override {
+    const std::optional<Place> at = place(u);
+    if (!at) return std::nullopt;
+    return emitter_.ray_from(at->position, at->normal, way);
   }
   double importance() const override { return emitted_power(emitter_, area_, unit_); }
   Vec3d centre() const override { return centre_; }
@@ -182,6 +190,25 @@ class ReadyMeshLight final : public Light {
   }
 
  private:
+  struct Place {
+    Vec3d position{0.0}, normal{0.0};
+  };
+  // Uniform over the area.
+  std::optional<Place> place(const Vec2d& u) const {
+    if (!(area_ > 0)) return std::nullopt;
+    const double at = u.x * area_;
+    const auto found = std::upper_bound(cumulative_area_.begin(), cumulative_area_.end(), at);
+    const std::size_t i =
+        std::min<std::size_t>(found - cumulative_area_.begin(), triangles_.size() - 1);
+    const double first = i ? cumulative_area_[i - 1] : 0, share = cumulative_area_[i] - first;
+    if (!(share > 0)) return std::nullopt;
+    // What is left of u.x within its triangle is uniform again.
+    const double u_x = std::clamp((at - first) / share, 0.0, 1.0), s = std::sqrt(u_x);
+    const EmitterTriangle& t = triangles_[i];
+    const Vec3d e1 = t.b - t.a, e2 = t.c - t.a;
+    return Place{t.a + e1 * (1 - s) + e2 * (u.y * s), e1.cross(e2).normalized()};
+  }
+
   std::vector<EmitterTriangle> triangles_;
   std::vector<double> cumulative_area_;
   Emitter emitter_;

@@ -1,6 +1,7 @@
 // Lights of no size, and the choice between kinds.
 #include "scene/light.h"
 
+#include "core/sampling.h"
 #include "scene/light_types.h"
 
 namespace brume {
@@ -32,6 +33,9 @@ class ReadyPointLight final : public Light {
     return {to.direction, to.distance, intensity_ / (metres * metres), 0};
   }
   double pdf(const Vec3d&, const Vec3d&, double, const Vec3d&) const override { return 0; }
+  std::optional<Ray> emit(const Vec2d&, const Vec2d& way) const override {
+    return Ray{position_, sample_sphere(way)};
+  }
   double importance() const override { return 4 * kPi * luminance(intensity_); }
   Vec3d centre() const override { return position_; }
   Box3d bounds() const override { return Box3d(position_); }
@@ -68,6 +72,11 @@ class ReadySpotLight final : public Light {
   Interval lit_stretch(const Ray& ray) const override;
   LightCone cone() const override { return {direction_, cos_outer_}; }
   double pdf(const Vec3d&, const Vec3d&, double, const Vec3d&) const override { return 0; }
+  std::optional<Ray> emit(const Vec2d&, const Vec2d& way) const override {
+    const double z = 1 - way.x * (1 - cos_outer_), s = std::sqrt(std::max(0.0, 1 - z * z));
+    const double phi = 2 * kPi * way.y;
+    return Ray{position_, Frame(direction_).to_world({s * std::cos(phi), s * std::sin(phi), z})};
+  }
   double importance() const override {
     return 2 * kPi * (1 - 0.5 * (cos_inner_ + cos_outer_)) * luminance(intensity_);
   }
@@ -145,6 +154,7 @@ struct Overloaded : F... {
 }  // namespace
 
 RgbD Light::radiance(const Vec3d&) const { return {}; }
+std::optional<Ray> Light::emit(const Vec2d&, const Vec2d&) const { return std::nullopt; }
 Interval Light::lit_stretch(const Ray&) const { return {0, kInfinity}; }
 
 void add_values(FingerprintBuilder& fingerprint, Light::Kind kind, std::span<const double> values) {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <variant>
 #include <vector>
 
@@ -76,6 +77,9 @@ class Light {
   // Radiance from infinity along `direction` (pointing away from the viewer); 0 but for
   // environments.
   virtual RgbD radiance(const Vec3d& direction) const;
+  // A ray that it sends out, drawn by power (but for what dims a cone's edge); nothing for lights
+  // at infinity.
+  virtual std::optional<Ray> emit(const Vec2d& place, const Vec2d& way) const;
   // Power-like weight for choosing between lights [W], those at infinity as if the scene were 1 m^2
   // across; scale-free comparisons only.
   virtual double importance() const = 0;

@@ -269,5 +269,53 @@ TEST_F(ImageEnvironments, PdfIntegratesToOneAndIsThatOfSamples) {
   }
 }
 
+// Rays that lights send out: as many of them cross a surface as irradiance says.
+TEST(Light, EmitsByPower) {
+  QuadLight quad;
+  quad.corner = {-0.5, 2, -0.5};
+  quad.edge_u = {1, 0, 0};
+  quad.edge_v = {0, 0, 1};
+  quad.radiance = Rgb(3.0f);
+  const std::vector<EmitterTriangle> triangles{{{0, 1, 0}, {1, 1.5, 0}, {0, 1, 1}},
+                                               {{2, 1, 0}, {2, 1, 1}, {2, 2, 0}},
+                                               {{0, 3, 0}, {0.5, 3, 0}, {0, 3.5, 0.5}}};
+  std::vector<std::unique_ptr<Light>> lights;
+  lights.push_back(make_light(PointLight{{0, 1, 0}, Rgb(1.0f)}, 1, kUp));
+  lights.push_back(make_light(SpotLight{{0, 2, 0}, {0.2, -1, 0}, Rgb(2.0f), 30, 30.001}, 1, kUp));
+  lights.push_back(make_light(quad, 1, kUp));
+  lights.push_back(make_mesh_light(triangles, Rgb(2.0f), false, 1));
+  lights.push_back(make_mesh_light(triangles, Rgb(2.0f), true, 1));
+  constexpr int kRays = 200'000;
+  for (const auto& light : lights) {
+    // Downwards through the unit square at height 0.
+    int crossing = 0;
+    RandomStream random(5);
+    for (int i = 0; i < kRays; ++i) {
+      const Vec2d place = random.uniform2(), way = random.uniform2();
+      const std::optional<Ray> ray = light->emit(place, way);
+      ASSERT_TRUE(ray);
+      EXPECT_NEAR(ray->direction.length(), 1, 1e-9);
+      if (!(ray->direction.y < 0)) continue;
+      const Vec3d at = ray->at(-ray->origin.y / ray->direction.y);
+      crossing += std::abs(at.x) < 0.5 && std::abs(at.z) < 0.5;
+    }
+    double received = 0;
+    constexpr int kSide = 16;
+    for (int i = 0; i < kSide * kSide; ++i)
+      received += luminance(irradiance(
+                      *light, {(i % kSide + 0.5) / kSide - 0.5, 0, (i / kSide + 0.5) / kSide - 0.5},
+                      kUp, 400)) /
+                  (kSide * kSide);
+    EXPECT_NEAR(crossing / double(kRays), received / light->importance(), 0.006)
+        << static_cast<int>(light->kind());
+  }
+}
+
+TEST(Light, AtInfinityEmitsNothing) {
+  EXPECT_FALSE(make_light(DirectionalLight{}, 1, kUp)->emit({0.5, 0.5}, {0.5, 0.5}));
+  EXPECT_FALSE(make_light(EnvironmentLight{}, 1, kUp)->emit({0.5, 0.5}, {0.5, 0.5}));
+  EXPECT_FALSE(make_mesh_light({}, Rgb(1.0f), false, 1)->emit({0.5, 0.5}, {0.5, 0.5}));
+}
+
 }  // namespace
 }  // namespace brume
