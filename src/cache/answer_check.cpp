@@ -122,7 +122,7 @@ double TracedIrradiance::error() const {
 
 bool AnswerCheck::is_doubtful() const {
   constexpr double kMostBias = 0.03, kMostRmse = 0.1;
-  return std::abs(bias) - 2 * bias_error > kMostBias || rmse_low > kMostRmse;
+  return std::abs(bias) > std::max(kMostBias, 3 * bias_error) || rmse_low > kMostRmse;
 }
 
 AnswerCheck summarise(const CheckedRequests& checked, std::span<const SurfaceRecord> records,

@@ -65,7 +65,8 @@ struct AnswerCheck {
   double worst_truth = 0, worst_truth_error = 0, worst_answer = 0;
   int paths = 0;  // At a point.
 
-  // Farther off than paths and chance explain: a bias above 3 %, or an RMSE above a tenth.
+  // Farther off than paths and chance explain: a bias above 3 % and three standard errors, or an
+  // RMSE above a tenth by two.
   bool is_doubtful() const;
 };
 

@@ -1,6 +1,7 @@
 #include "gather/lighting.h"
 
 #include "core/random.h"
+#include "gather/bright_patches.h"
 
 namespace brume {
 namespace {
@@ -8,12 +9,12 @@ namespace {
 constexpr int kPatchGrid = 3, kPatches = kPatchGrid * kPatchGrid;  // Tables of an area light.
 // Patches average each other's errors out, so their tables may be coarser than a point light's.
 constexpr double kPatchErrorFactor = 2;
-constexpr int kErrorPoints = 2048;   // Points at which the error is measured.
-constexpr int kErrorLightGrid = 5;   // Samples across an area light, each way, at each.
+constexpr int kErrorPoints = 2048;  // Points at which the error is measured.
+constexpr int kErrorLightGrid = 5;  // Samples across an area light, each way, at each.
 
-// Patch centres of an area light: the mean of its samples in each cell of the sample square. Samples
-// of one cell are spread symmetrically around it, so the first order of the optical depth's change
-// over the patch averages out.
+// Patch centres of an area light: the mean of its samples in each cell of the sample square.
+// Samples of one cell are spread symmetrically around it, so the first order of the optical depth's
+// change over the patch averages out.
 std::array<Vec3d, kPatches> patch_centres(const Light& light, const Vec3d& seen_from) {
   constexpr int kGrid = 4;
   std::array<Vec3d, kPatches> centres;
@@ -36,13 +37,14 @@ std::array<Vec3d, kPatches> patch_centres(const Light& light, const Vec3d& seen_
 Vec3d random_point(const Box3d& box, RandomStream& random) {
   const Vec2d a = random.uniform2();
   const Vec3d size = box.max - box.min;
-  return {box.min.x + a.x * size.x, box.min.y + a.y * size.y, box.min.z + random.uniform() * size.z};
+  return {box.min.x + a.x * size.x, box.min.y + a.y * size.y,
+          box.min.z + random.uniform() * size.z};
 }
 
 }  // namespace
 
 Lighting::Lighting(const World& world, const LightingOptions& options)
-    : world_(world), options_(options), patches_(world) {
+    : world_(world), options_(options), patches_(std::make_shared<BrightPatches>(world)) {
   for (const Volume& v : world.medium().volumes())
     boxes_.push_back(v.is_homogeneous() ? v.world_bounds() : v.density->world_bounds());
   tables_.resize(world.lights().size());
@@ -53,7 +55,8 @@ Lighting::Lighting(const World& world, const LightingOptions& options)
     std::vector<LightOrigin> origins;
     std::vector<Vec3d> centres;
     switch (light.kind()) {
-      case Light::Kind::Environment: continue;
+      case Light::Kind::Environment:
+        continue;
       case Light::Kind::Directional:
         centres = {Vec3d(0.0)};
         origins = {DirectionOrigin{light.centre()}};
@@ -78,9 +81,9 @@ Lighting::Lighting(const World& world, const LightingOptions& options)
     for (std::size_t i = 0; i < origins.size(); ++i) {
       Table table{centres[i], {}};
       for (const Volume& v : medium.volumes())
-        table.volumes.push_back(
-            v.is_homogeneous() ? nullptr
-                               : std::make_unique<LightVolume>(v, origins[i], volume_options));
+        table.volumes.push_back(v.is_homogeneous()
+                                    ? nullptr
+                                    : std::make_unique<LightVolume>(v, origins[i], volume_options));
       tables_[l].push_back(std::move(table));
     }
   }

@@ -7,13 +7,14 @@
 #include <memory>
 #include <vector>
 
-#include "gather/bright_patches.h"
 #include "plan/effects.h"
 #include "scene/world.h"
 #include "vdb_media/light_volume.h"
 #include "vdb_media/ray_marcher.h"
 
 namespace brume {
+
+class BrightPatches;
 
 enum class LightDepth { Volumes, Exact };
 
@@ -38,7 +39,7 @@ class Lighting {
   const World& world() const { return world_; }
   const MarchOptions& march() const { return options_.march; }
 
-  const BrightPatches& bright_patches() const { return patches_; }
+  const BrightPatches& bright_patches() const { return *patches_; }
 
   // Transmittance from p to the light along its sample; visibility is not in it.
   RgbD transmittance(int light, const LightSample& sample, const Vec3d& p, Counters& counters) const;
@@ -65,7 +66,7 @@ class Lighting {
 
   const World& world_;
   LightingOptions options_;
-  BrightPatches patches_;
+  std::shared_ptr<const BrightPatches> patches_;
   std::vector<Box3d> boxes_;                // Of the volumes' density, by volume.
   std::vector<std::vector<Table>> tables_;  // By light; empty: marched.
   double rms_error_ = 0, max_error_ = 0;

@@ -172,7 +172,7 @@ TEST_F(Bake, ABakeAndARenderCheckTheirAnswers) {
 }
 
 TEST_F(Bake, AnswersWorseThanTheThresholdFailOnceAllIsWritten) {
-  const std::vector<std::string> coarse{"--cells", "1x3", "--error", "1", "--max-rmse", "1e-6"};
+  const std::vector<std::string> coarse{"--cells", "1x2", "--error", "8", "--max-rmse", "1e-6"};
   const RunResult baked = bake(coarse);
   EXPECT_EQ(baked.code, 5);
   EXPECT_THAT(baked.err, HasSubstr("is above --max-rmse 1e-06"));

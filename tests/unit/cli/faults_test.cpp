@@ -67,7 +67,7 @@ TEST_F(Faults, AFullDiskEndsTheBakeAndKeepsWhatIsSealed) {
 
 TEST_F(Faults, AFullFileSystemEndsTheBakeAndKeepsWhatIsSealed) {
   std::filesystem::create_directory(path("disk"));
-  if (geteuid() != 0 || mount("brume", path("disk").c_str(), "tmpfs", 0, "size=128k") != 0)
+  if (geteuid() != 0 || mount("brume", path("disk").c_str(), "tmpfs", 0, "size=320k") != 0)
     GTEST_SKIP() << "no file system may be mounted here";
   whole();
   EXPECT_EQ(run_program(bake("disk/c.irc")), 6);
@@ -75,7 +75,7 @@ TEST_F(Faults, AFullFileSystemEndsTheBakeAndKeepsWhatIsSealed) {
   EXPECT_FALSE(exists("disk/c.irc"));
   const std::size_t sealed = records_in("disk/c.irc.part");
   EXPECT_GE(sealed, reported_sealed());
-  EXPECT_GT(sealed, 50u);
+  EXPECT_GT(sealed, 100u);
   EXPECT_EQ(mount("brume", path("disk").c_str(), "tmpfs", MS_REMOUNT, "size=64m"), 0);
   EXPECT_EQ(run_program(bake("disk/c.irc")), 0) << end_of_err();
   EXPECT_TRUE(read("disk/c.irc") == whole());
