@@ -261,11 +261,10 @@ double CellGather::add_surface(int c, int slot, const RgbD& dimming) {
   const double inverse_s = 1 / hits_[at].t;
   light.over_distance += luminance(sent) * inverse_s;
   if (!is_full()) return luminance(sent);
-  // What is nearer than a wall moves by its own distance.
-  const double nearest = slot == c ? 0 : inverse_s;
+  const double within = slot == c ? 0 : inverse_distance_within(slot);
   const DirectionCell& around = cells_.cell(c);
   for (int side = around.first_side; side < around.end_side; ++side)
-    phi_[side] += sent * std::max(inverse_r_[side], nearest);
+    phi_[side] += sent * (slot == c ? inverse_r_[side] : within);
   for (Bend& bend : bends_) {
     if (boundaries_.empty()) break;
     bend.add(sent, bend_integral(bend.volume, marcher_.shell_count(), inverse_s));
@@ -277,6 +276,19 @@ double CellGather::add_surface(int c, int slot, const RgbD& dimming) {
   for (int ch = 0; ch < 3; ++ch) d[ch] *= dimming[ch] * inverse_s;
   light.directional -= perpendicular(d, w);
   return luminance(sent);
+}
+
+// 1/r of the edges of what a guided ray found: they lie within its cell, at the nearest that the
+// rays of its target found there, be it bright or in front.
+double CellGather::inverse_distance_within(int slot) const {
+  const auto rays = guided_.rays();
+  const std::size_t first = static_cast<std::size_t>(cells_.count());
+  const GuidedRay& ray = rays[static_cast<std::size_t>(slot) - first];
+  double nearest = kInfinity;
+  for (std::size_t i = 0; i < rays.size(); ++i)
+    if (rays[i].cell == ray.cell && rays[i].target == ray.target)
+      nearest = std::min(nearest, double(hits_[first + i].t));
+  return 1 / nearest;
 }
 
 // After the points of a cell's own ray; guided rays have none, since what scattered before is

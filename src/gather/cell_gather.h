@@ -93,6 +93,7 @@ class CellGather {
   double add_medium(int c, const Ray& ray, double end, double share, RandomStream random,
                     Counters& counters);
   double add_surface(int c, int slot, const RgbD& dimming);
+  double inverse_distance_within(int slot) const;
   void keep_stratum(int c, int slot, const RgbD& dimming);
   void keep_medium_points(int c);
   Vec3d bend_integral(int volume, int shell, double inverse_t) const;
