@@ -27,7 +27,7 @@ class BrightPatches {
   bool empty() const { return places_.empty(); }
   // Patches that `origin` sees, on the side of `normal` (0: all around), the most seen first: tried
   // are a few places, each under less than `solid_angle`, drawn by what they would bring
-  // unoccluded; what is seen and lies close together is one patch.
+  // unoccluded; what is seen and lies close together is one patch. Costs up to 256 shadow rays.
   void visible_from(const Vec3d& origin, const Vec3d& normal, double solid_angle,
                     RandomStream random, Counters& counters,
                     std::vector<BrightPatch>& visible) const;

@@ -124,7 +124,7 @@ class CellGather {
   std::vector<Hit> hits_;
   std::vector<CellLight> light_;
   std::vector<double> own_;          // Luminance of what a cell's own ray brings.
-  std::vector<double> from_guided_;  // Of a lamp ray, times its cell's measure.
+  std::vector<double> from_guided_;  // Of a guided ray, times its cell's measure.
   Strata strata_;
   std::vector<MediumStretch> stretches_;
   std::vector<double> inverse_r_;  // 1/r at each side of a wall.
