@@ -7,7 +7,7 @@ namespace brume {
 namespace {
 
 // Bumped whenever the same scene and settings would give other records.
-constexpr int kAlgorithmVersion = 11;
+constexpr int kAlgorithmVersion = 12;
 
 // Infinity is null.
 std::string number(double v) {
@@ -23,6 +23,8 @@ std::string BakeSettings::to_json() const {
   return "{\"algorithm\":" + std::to_string(kAlgorithmVersion) + ",\"cells\":[" +
          std::to_string(gather.cells_theta) + "," + std::to_string(gather.cells_phi) +
          "],\"shells\":" + std::to_string(gather.shells) +
+         ",\"footprint\":" + number(gather.footprint) +
+         ",\"lamp_samples\":" + std::to_string(gather.lamp_samples) +
          ",\"step_voxels\":" + number(gather.step_voxels) + ",\"gradient\":\"" +
          gradient_mode_name(gather.gradient) + "\",\"bounces\":" + std::to_string(bounces) +
          ",\"volume_bounces\":" +

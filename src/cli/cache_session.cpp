@@ -103,6 +103,8 @@ BakeSettings read_bake_settings(const std::string& json, const fs::path& file) {
       s.gather.cells_phi = all["cells"][1];
     }
     number("shells", s.gather.shells);
+    number("footprint", s.gather.footprint);
+    number("lamp_samples", s.gather.lamp_samples);
     number("step_voxels", s.gather.step_voxels);
     if (all.contains("gradient") && all["gradient"].is_string())
       s.gather.gradient = parse_gradient_mode(all["gradient"]);

@@ -130,6 +130,8 @@ ordered_json settings_json(const Scene& scene) {
       {"seed", r.seed},
       {"cells", {r.cells_theta, r.cells_phi}},
       {"shells", r.shells},
+      {"footprint", r.footprint},
+      {"lamp_samples", r.lamp_samples},
       {"step_voxels", r.step_voxels}};
   if (!scene.cache.file.empty()) {
     constexpr std::array<const char*, 4> kModes{"new", "append", "missing", "read"};

@@ -125,15 +125,15 @@ Scene load_scene_verbosely(const SceneOptions& options, const CommandContext& co
 PresetValues preset_values(Preset preset) {
   switch (preset) {
     case Preset::Draft:
-      return {8, 25, 0.4, LightDepth::Volumes, 4, 12};
+      return {8, 25, 1, 2, 0.4, LightDepth::Volumes, 4, 12};
     case Preset::Normal:
       break;
     case Preset::High:
-      return {24, 75, 0.1, LightDepth::Volumes, 64, 24};
+      return {24, 75, 0.5, 8, 0.1, LightDepth::Volumes, 64, 24};
     case Preset::Reference:
-      return {48, 151, 0.06, LightDepth::Exact, 256, 32};
+      return {48, 151, 0, 0, 0.06, LightDepth::Exact, 256, 32};
   }
-  return {16, 50, 0.15, LightDepth::Volumes, 16, 16};
+  return {16, 50, 1, 4, 0.15, LightDepth::Volumes, 16, 16};
 }
 
 BakeSettings AccuracyOptions::bake_settings(const RenderSettings& scene) const {
@@ -146,11 +146,15 @@ BakeSettings AccuracyOptions::bake_settings(const BakeSettings& base) const {
     const PresetValues values = preset_values(*preset);
     s.gather.cells_theta = values.cells_theta;
     s.gather.cells_phi = values.cells_phi;
+    s.gather.footprint = values.footprint;
+    s.gather.lamp_samples = values.lamp_samples;
     s.error = values.error;
     s.light_depth = values.light_depth;
   }
   if (cells) std::tie(s.gather.cells_theta, s.gather.cells_phi) = *cells;
   set_if(s.gather.shells, shells);
+  set_if(s.gather.footprint, footprint);
+  set_if(s.gather.lamp_samples, lamp_samples);
   set_if(s.gather.step_voxels, step_voxels);
   set_if(s.gather.gradient, gradient);
   set_if(s.bounces, bounces);
@@ -189,7 +193,14 @@ void add_accuracy_options(CLI::App& app, CommandContext& context, AccuracyOption
   setting(add_integer(app, "--shells", options.shells, 0, 4096,
                       "Distance shells of a gather's gradients; 0: as many as the medium needs"));
   setting(add_number(app, "--step-voxels", options.step_voxels, 0, 64,
-                     "March step in voxels, smaller is finer; 0: exact"));
+                     "Least march step in voxels, smaller is finer; 0: none"));
+  setting(add_number(app, "--footprint", options.footprint, 0, 16,
+                     "Gathers march in steps as long as this share of the width that a ray stands "
+                     "for; 0: cell by cell (default 1)"));
+  setting(
+      add_integer(app, "--lamp-samples", options.lamp_samples, 0, 65536,
+                  "Samples of lights that a gather's ray asks for in the medium; 0: one of each "
+                  "light from each shell (default 4)"));
   setting(add_choice<GradientMode>(app, "--gradient",
                                    {{"none", GradientMode::None},
                                     {"ward-heckbert", GradientMode::WardHeckbert},

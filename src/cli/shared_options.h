@@ -40,6 +40,8 @@ enum class Preset { Draft, Normal, High, Reference };
 // What a preset sets. Normal is every option's default.
 struct PresetValues {
   int cells_theta, cells_phi;
+  double footprint;
+  int lamp_samples;
   double error;
   LightDepth light_depth;
   int samples, eye_shells;
@@ -49,8 +51,8 @@ PresetValues preset_values(Preset preset);
 struct AccuracyOptions {
   std::optional<Preset> preset;
   std::optional<std::pair<int, int>> cells;
-  std::optional<int> shells, bounces;
-  std::optional<double> step_voxels, error, min_radius, max_radius;
+  std::optional<int> shells, lamp_samples, bounces;
+  std::optional<double> footprint, step_voxels, error, min_radius, max_radius;
   std::optional<GradientMode> gradient;
   std::optional<std::optional<int>> volume_bounces;  // Outer: given; inner: not auto.
   std::optional<std::uint64_t> seed;

@@ -26,7 +26,8 @@ CellGather::CellGather(const Lighting& lighting, const Effects& effects,
       world_(lighting.world()),
       effects_(effects),
       options_(options),
-      marcher_(world_.medium(), march_options()),
+      exact_(world_.medium(), march_options()),
+      cones_(world_.medium(), options.step_voxels),
       surfaces_(lighting, is_full()),
       medium_(lighting, effects, is_full()),
       guided_(world_, effects, lighting.bright_patches()),
@@ -49,6 +50,7 @@ void CellGather::gather(const Vec3d& origin, const Frame& base, std::uint64_t ke
   origin_ = origin;
   scattered_ = light.scattered.get();
   medium_.use_scattered(scattered_, kMostAsked);
+  medium_.use_lamp_samples(options_.lamp_samples, is_full(), stream(-1, 3));
   RandomStream turn = stream(-1, 0);
   frame_ = base.turned(2 * kPi * turn.uniform());
   const Vec2d shift = turn.uniform2();
@@ -155,6 +157,9 @@ void CellGather::choose_shells() {
   shell_shift_.resize(count);
   RandomStream random = stream(-1, 2);
   for (double& shift : shell_shift_) shift = random.uniform();
+  step_shift_ = random.uniform();
+  if (!marches_exactly())
+    cones_.begin(origin_, boundaries_, options_.footprint * 2 * cells_.spread());
 }
 
 // Where a cell looks in its shells: each shell by itself evenly, cells one after the other a golden
@@ -166,10 +171,18 @@ void CellGather::draw_jitter(int c) {
   }
 }
 
-void CellGather::march(const Ray& ray, double end, int jitter, Counters& counters) {
+// Places of samples within steps are as even over cells as those of shells, by another irrational.
+void CellGather::march(const Ray& ray, double end, int jitter, bool gradients, Counters& counters) {
   draw_jitter(jitter);
   MarchCounters march;
-  marcher_.march(ray, boundaries_, end, jitter_, is_full() && effects_.heterogeneous, march);
+  if (marches_exactly()) {
+    exact_.march(ray, boundaries_, end, jitter_, gradients, march);
+    marched_ = &exact_;
+  } else {
+    const double u = step_shift_ + jitter * (std::numbers::sqrt2 - 1);
+    cones_.march(ray.direction, end, u - std::floor(u), jitter_, gradients, march);
+    marched_ = &cones_;
+  }
   counters.march_rays += march.rays;
   counters.segments += march.segments;
 }
@@ -181,9 +194,9 @@ void CellGather::add_cell(int c, Counters& counters) {
   const double share = guided_.rays().empty() ? 1 : guided_.share(cells_, c, cell_[c].w, weight);
   RgbD transmittance(1);
   if (!boundaries_.empty()) {
-    march(ray, cell_[c].s, c, counters);
+    march(ray, cell_[c].s, c, is_full() && effects_.heterogeneous, counters);
     if (options_.medium_points >= 0) keep_medium_points(c);
-    transmittance = exp_neg(marcher_.tau(marcher_.shell_count()));
+    transmittance = exp_neg(marched_->tau(marched_->shell_count()));
   }
   own_[c] = add_surface(c, c, transmittance * share);
   if (!boundaries_.empty())
@@ -197,8 +210,8 @@ void CellGather::add_guided(int i, Counters& counters) {
   const Ray ray{origin_, guided.direction};
   RgbD transmittance(1);
   if (!boundaries_.empty()) {
-    march(ray, end, slot, counters);
-    transmittance = exp_neg(marcher_.tau(marcher_.shell_count()));
+    march(ray, end, slot, is_full() && effects_.heterogeneous, counters);
+    transmittance = exp_neg(marched_->tau(marched_->shell_count()));
   }
   double added = add_surface(guided.cell, slot, transmittance * guided.share);
   if (!boundaries_.empty())
@@ -211,10 +224,10 @@ double CellGather::add_medium(int c, const Ray& ray, double end, double share, R
                               Counters& counters) {
   if (!has_source() && !effects_.emission) return 0;
   CellLight& light = light_[c];
-  const int n = marcher_.shell_count();
+  const int n = marched_->shell_count();
   shell_sums_.begin(n);
   RgbGradient directional;
-  const auto& shells = medium_.shells(marcher_, ray, boundaries_, end, jitter_, random, counters);
+  const auto& shells = medium_.shells(*marched_, ray, boundaries_, end, jitter_, random, counters);
   for (int i = 0; i < n; ++i) {
     const RgbD f = shells[i].total() * share;
     const double inverse_t = 2 / (boundaries_[i] + std::min(boundaries_[i + 1], end));
@@ -244,7 +257,7 @@ double CellGather::add_medium(int c, const Ray& ray, double end, double share, R
 
 // I0 - I1/t of a volume's density up to where `shell` begins, for a ray that ends at t.
 Vec3d CellGather::bend_integral(int volume, int shell, double inverse_t) const {
-  return marcher_.grad_integral(volume, shell) - marcher_.grad_moment(volume, shell) * inverse_t;
+  return marched_->grad_integral(volume, shell) - marched_->grad_moment(volume, shell) * inverse_t;
 }
 
 // What the surface at the end of ray `slot` sends, dimmed, as part of a cell's light. Returns its
@@ -267,7 +280,7 @@ double CellGather::add_surface(int c, int slot, const RgbD& dimming) {
     phi_[side] += sent * (slot == c ? inverse_r_[side] : within);
   for (Bend& bend : bends_) {
     if (boundaries_.empty()) break;
-    bend.add(sent, bend_integral(bend.volume, marcher_.shell_count(), inverse_s));
+    bend.add(sent, bend_integral(bend.volume, marched_->shell_count(), inverse_s));
     light.grad_sigma -= perpendicular(bend.in_world(world_.medium().volumes()[bend.volume]), w);
     bend.sum = {};
   }
@@ -317,7 +330,7 @@ void CellGather::keep_stratum(int c, int slot, const RgbD& dimming) {
 // all of it in each channel, so that nothing is lost or gained by choosing.
 void CellGather::keep_medium_points(int c) {
   if (options_.medium_points == 0 || !effects_.multiple_scattering) return;
-  medium_.stretches(marcher_, ray_of(cell_[c]), stretches_);
+  medium_.stretches(*marched_, ray_of(cell_[c]), stretches_);
   RgbD all;
   for (const MediumStretch& s : stretches_) all += s.weight;
   const double sum = mean_component(all);
@@ -371,16 +384,14 @@ RgbGradient CellGather::moving_medium(int c, Counters& counters) {
   const auto& volumes = world_.medium().volumes();
   const Ray ray = ray_of(cell_[c]);
   RandomStream random = stream(c, 2);
-  draw_jitter(c);
-  MarchCounters march;
-  marcher_.march(ray, boundaries_, cell_[c].s, jitter_, true, march);
-  const int n = marcher_.shell_count();
+  march(ray, cell_[c].s, c, true, counters);
+  const int n = marched_->shell_count();
   const auto shells =
-      medium_.shells(marcher_, ray, boundaries_, cell_[c].s, jitter_, random, counters);
+      medium_.shells(*marched_, ray, boundaries_, cell_[c].s, jitter_, random, counters);
   const auto i0 = [&](int shell) {
     RgbGradient b;
     for (const Bend& bend : bends_)
-      b += Bend{bend.volume, outer(RgbD(1), marcher_.grad_integral(bend.volume, shell))}.in_world(
+      b += Bend{bend.volume, outer(RgbD(1), marched_->grad_integral(bend.volume, shell))}.in_world(
           volumes[bend.volume]);
     return b;
   };
@@ -391,7 +402,7 @@ RgbGradient CellGather::moving_medium(int c, Counters& counters) {
     const RgbGradient bend = (i0(i) + i0(i + 1)) * 0.5;
     for (int ch = 0; ch < 3; ++ch) d[ch] -= bend[ch] * f[ch];
     const Vec3d p = ray.at(a + jitter_[i] * (b - a));
-    const RgbD weight = exp_neg((marcher_.tau(i) + marcher_.tau(i + 1)) * 0.5) * (b - a);
+    const RgbD weight = exp_neg((marched_->tau(i) + marched_->tau(i + 1)) * 0.5) * (b - a);
     const auto add_gradient = [&](auto&& q) {
       for (int axis = 0; axis < 3; ++axis) {
         Vec3d e(0.0);
@@ -412,7 +423,7 @@ RgbGradient CellGather::moving_medium(int c, Counters& counters) {
       });
     }
   }
-  const RgbD from_surface = surfaces_.radiance(c) * exp_neg(marcher_.tau(n));
+  const RgbD from_surface = surfaces_.radiance(c) * exp_neg(marched_->tau(n));
   const RgbGradient bend = i0(n);
   for (int ch = 0; ch < 3; ++ch) d[ch] -= bend[ch] * from_surface[ch];
   return d;

@@ -15,7 +15,7 @@
 #include "gather/medium_source.h"
 #include "gather/shell_sums.h"
 #include "gather/surface_light.h"
-#include "vdb_media/ray_marcher.h"
+#include "vdb_media/cone_marcher.h"
 
 namespace brume {
 
@@ -79,6 +79,7 @@ class CellGather {
   };
 
   MarchOptions march_options() const;
+  bool marches_exactly() const { return !(options_.footprint > 0); }
   bool has_source() const { return effects_.scattering || scattered_ != nullptr; }
   bool is_full() const { return options_.gradient == GradientMode::Full; }
   void trace(const HitLight& light, Counters& counters);
@@ -86,7 +87,7 @@ class CellGather {
   static double inverse_wall_distance(const Cell& a, const Cell& b, const Vec3d& wall);
   void choose_shells();
   void draw_jitter(int c);
-  void march(const Ray& ray, double end, int jitter, Counters& counters);
+  void march(const Ray& ray, double end, int jitter, bool gradients, Counters& counters);
   void add_cell(int c, Counters& counters);
   void add_guided(int i, Counters& counters);
   // Returns the luminance of what it added.
@@ -106,7 +107,9 @@ class CellGather {
   const World& world_;
   Effects effects_;
   GatherOptions options_;
-  ShellMarcher marcher_;
+  ShellMarcher exact_;
+  ConeMarcher cones_;
+  const MarchedShells* marched_ = nullptr;  // The last ray's, one of theirs.
   SurfaceLight surfaces_;
   MediumSource medium_;
   GuidedRays guided_;
@@ -130,6 +133,7 @@ class CellGather {
   std::vector<double> inverse_r_;  // 1/r at each side of a wall.
   std::vector<RgbD> phi_;          // Phi of gradients.md 3, at each side of a wall.
   std::vector<double> boundaries_, shell_shift_, jitter_;
+  double step_shift_ = 0;
   ShellSums shell_sums_;
   std::vector<Bend> bends_;  // Of volumes that are grids.
 };

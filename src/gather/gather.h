@@ -30,8 +30,13 @@ GradientMode parse_gradient_mode(const std::string& name);
 
 struct GatherOptions {
   int cells_theta = 16, cells_phi = 50;  // Their product counts; how the cells lie: DirectionCells.
-  int shells = 0;          // 0: as many as the medium needs, at most kMaxAutomaticShells.
-  double step_voxels = 0;  // 0: exact.
+  int shells = 0;  // 0: as many as the medium needs, at most kMaxAutomaticShells.
+  // Rays march in steps as long as this share of the width that they stand for (ConeMarcher); 0:
+  // cell by cell.
+  double footprint = 1;
+  double step_voxels = 0;  // The least step; 0: a voxel, or none at all where footprint is 0.
+  // Of lights, asked for by a ray's medium; 0: one of each light from each shell.
+  int lamp_samples = 4;
   GradientMode gradient = GradientMode::Full;
   // Below 0: no strata are kept. Else strata() holds them, each with at most so many points of a
   // medium that scatters more than once.

@@ -18,6 +18,9 @@ struct EquiAngular {
   double distance(double u) const {
     return t0 + height * std::tan(angle_begin + u * (angle_end - angle_begin));
   }
+  double mean_inverse_square(double a, double b) const {
+    return (angle_end - angle_begin) / (height * (b - a));
+  }
   double pdf(double t) const {
     return height / ((angle_end - angle_begin) * (height * height + (t - t0) * (t - t0)));
   }
@@ -25,7 +28,7 @@ struct EquiAngular {
 
 // Mean transmittance from a shell to the ray's origin, exp(-tau) (1 - exp(-depth)) / depth: exact
 // for a source in proportion to density.
-RgbD shell_transmittance(const ShellMarcher& marcher, int shell) {
+RgbD shell_transmittance(const MarchedShells& marcher, int shell) {
   const RgbD tau = marcher.tau(shell), depth = marcher.tau(shell + 1) - tau;
   return RgbD(one_minus_exp_over(depth.r), one_minus_exp_over(depth.g),
               one_minus_exp_over(depth.b)) *
@@ -53,60 +56,137 @@ RgbD SourceAtPoint::towards(const Vec3d& direction) const {
 MediumSource::MediumSource(const Lighting& lighting, const Effects& effects, bool directional)
     : lighting_(lighting), effects_(effects), directional_(directional) {}
 
-// Where volumes overlap one of them is chosen by how much it scatters, so that light is asked for
-// once a shell however many volumes there are.
-void MediumSource::add_scattering(const ShellMarcher& marcher, int shell, const Ray& ray, double a,
-                                  double b, double jitter, const RgbD& dimming,
-                                  RandomStream& random) {
+void MediumSource::use_lamp_samples(int most, bool near, RandomStream random) {
+  lamp_samples_ = most;
+  near_ = near;
+  lamp_points_.clear();
+  for (std::size_t l = 0; l < lighting_.world().lights().size(); ++l)
+    lamp_points_.push_back({random.uniform2(), 0});
+}
+
+// Points of a plane lattice whose steps are powers of 1 over the plastic number: any run of them is
+// even.
+Vec2d MediumSource::lamp_point(int light, RandomStream& random) {
+  if (lamp_points_.empty()) return random.uniform2();
+  constexpr double kStepX = 0.7548776662466927, kStepY = 0.5698402909980532;
+  LampPoints& points = lamp_points_[static_cast<std::size_t>(light)];
+  const double n = points.count++;
+  const double x = points.shift.x + n * kStepX, y = points.shift.y + n * kStepY;
+  return {x - std::floor(x), y - std::floor(y)};
+}
+
+// Every pair of a shell that scatters and a light that shines there.
+void MediumSource::find_chances(const MarchedShells& marcher, const Ray& ray,
+                                std::span<const double> boundaries, double t_end) {
   const World& world = lighting_.world();
   const auto& volumes = world.medium().volumes();
+  lit_.clear();
+  for (const auto& light : world.lights()) lit_.push_back(light->lit_stretch(ray));
   chances_.clear();
+  for (int i = 0; i < marcher.shell_count(); ++i) {
+    double scatters = 0;
+    for (std::size_t v = 0; v < volumes.size(); ++v)
+      if (volumes[v].scatters())
+        scatters +=
+            mean_component(volumes[v].sigma_s) * marcher.shell(static_cast<int>(v), i).integral;
+    if (!(scatters > 0)) continue;
+    scatters *= mean_component(shell_transmittance(marcher, i));
+    const double a = boundaries[i], b = std::min(boundaries[i + 1], t_end);
+    for (std::size_t l = 0; l < world.lights().size(); ++l) {
+      const double begin = std::max(a, lit_[l].begin), end = std::min(b, lit_[l].end);
+      if (!(begin < end)) continue;
+      const Light& light = *world.lights()[l];
+      // Close to a point light the 1/d^2 decides where the light comes from, at the edge of a cone
+      // the cone, elsewhere the density does.
+      const bool is_near =
+          (light.kind() == Light::Kind::Point || light.kind() == Light::Kind::Spot) &&
+          distance_to_segment(ray, light.centre(), begin, end) < b - a;
+      double brings = scatters;
+      if (lamp_samples_ > 0) {
+        const Vec3d middle = ray.at(0.5 * (begin + end));
+        brings *= light.brightness_at(middle) * (end - begin) / (b - a);
+        if (is_near) {
+          const EquiAngular near(ray, light.centre(), begin, end);
+          brings *= (middle - light.centre()).length2() * near.mean_inverse_square(begin, end);
+        }
+      }
+      if (brings > 0)
+        chances_.push_back(
+            {i, static_cast<int>(l), begin, end, brings, end - begin < b - a, is_near});
+    }
+  }
+}
+
+// Evenly along the running sum of what is drawn by.
+void MediumSource::add_scattering(const MarchedShells& marcher, const Ray& ray,
+                                  std::span<const double> boundaries,
+                                  std::span<const double> jitter, RandomStream& random) {
+  if (lamp_samples_ == 0 || chances_.size() <= static_cast<std::size_t>(lamp_samples_)) {
+    for (const Chance& c : chances_) ask(marcher, ray, c, jitter[c.shell], 1, random);
+    return;
+  }
+  const auto inverse_t = [&](const Chance& c) {
+    return 2 / (boundaries[c.shell] + boundaries[c.shell + 1]);
+  };
+  double sum = 0, over_distance = 0;
+  for (const Chance& c : chances_) {
+    sum += c.brings;
+    over_distance += c.brings * inverse_t(c);
+  }
+  const double distance = near_ && over_distance > 0 ? sum / over_distance : 0;
+  const double spacing = sum * (near_ ? 2 : 1) / lamp_samples_;
+  double next = random.uniform() * spacing, running = 0;
+  for (const Chance& c : chances_) {
+    const double share = c.brings * (1 + distance * inverse_t(c));
+    int times = 0;
+    for (running += share; next < running; next += spacing) ++times;
+    if (times > 0) ask(marcher, ray, c, jitter[c.shell], times * spacing / share, random);
+  }
+}
+
+// Where volumes overlap one of them is chosen by how much it scatters.
+void MediumSource::ask(const MarchedShells& marcher, const Ray& ray, const Chance& chance,
+                       double jitter, double factor, RandomStream& random) {
+  const World& world = lighting_.world();
+  const auto& volumes = world.medium().volumes();
+  shares_.clear();
   double sum = 0;
   for (std::size_t i = 0; i < volumes.size(); ++i)
-    chances_.push_back(sum += volumes[i].scatters()
-                                  ? mean_component(volumes[i].sigma_s) *
-                                        marcher.shell(static_cast<int>(i), shell).integral
-                                  : 0);
-  if (!(sum > 0)) return;
+    shares_.push_back(sum += volumes[i].scatters()
+                                 ? mean_component(volumes[i].sigma_s) *
+                                       marcher.shell(static_cast<int>(i), chance.shell).integral
+                                 : 0);
   std::size_t chosen = 0;
   double share = 1;
   if (volumes.size() > 1) {
     const double u = random.uniform() * sum;
-    while (chosen + 1 < volumes.size() && chances_[chosen] <= u) ++chosen;
-    share = (chances_[chosen] - (chosen > 0 ? chances_[chosen - 1] : 0)) / sum;
+    while (chosen + 1 < volumes.size() && shares_[chosen] <= u) ++chosen;
+    share = (shares_[chosen] - (chosen > 0 ? shares_[chosen - 1] : 0)) / sum;
     if (!(share > 0)) return;
   }
   const int v = static_cast<int>(chosen);
   const Volume& volume = volumes[chosen];
-  const ShellDensity& density = marcher.shell(v, shell);
-  const Vec3d drawn = ray.at(density.t_sample);
-  const RgbD drawn_strength = dimming * volume.sigma_s_at(drawn) * (density.integral / share);
-  for (std::size_t l = 0; l < world.lights().size(); ++l) {
-    const Light& light = *world.lights()[l];
-    const Vec2d u = random.uniform2();
-    const double begin = std::max(a, lit_[l].begin), end = std::min(b, lit_[l].end);
-    if (!(begin < end)) continue;
-    Vec3d p = drawn;
-    RgbD strength = drawn_strength;
-    // Close to a point light the 1/d^2 decides where the light comes from, at the edge of a cone
-    // the cone, elsewhere the density does.
-    const bool is_near =
-        (light.kind() == Light::Kind::Point || light.kind() == Light::Kind::Spot) &&
-        distance_to_segment(ray, light.centre(), begin, end) < b - a;
-    if (is_near || end - begin < b - a) {
-      double t = begin + jitter * (end - begin), length = end - begin;
-      if (is_near) {
-        const EquiAngular near(ray, light.centre(), begin, end);
-        t = std::clamp(near.distance(jitter), begin, end);
-        length = 1 / near.pdf(t);
-      }
-      p = ray.at(t);
-      strength = dimming * volume.sigma_s_at(p) * (volume.density_at(p) * length / share);
+  const ShellDensity& density = marcher.shell(v, chance.shell);
+  const Light& light = *world.lights()[static_cast<std::size_t>(chance.light)];
+  const Vec2d u = lamp_point(chance.light, random);
+  const RgbD dimming = shell_transmittance(marcher, chance.shell) * (factor / share);
+  Vec3d p = ray.at(density.t_sample);
+  double integral = density.integral;
+  if (chance.is_near || chance.is_cut) {
+    double t = chance.begin + jitter * (chance.end - chance.begin);
+    double length = chance.end - chance.begin;
+    if (chance.is_near) {
+      const EquiAngular near(ray, light.centre(), chance.begin, chance.end);
+      t = std::clamp(near.distance(jitter), chance.begin, chance.end);
+      length = 1 / near.pdf(t);
     }
-    const LightSample sample = light.sample(p, u);
-    if (is_black(sample.weight) || is_black(strength)) continue;
-    pending_.push_back({shell, static_cast<int>(l), v, sample, p, strength * sample.weight});
+    p = ray.at(t);
+    integral = volume.density_at(p) * length;
   }
+  const RgbD strength = dimming * volume.sigma_s_at(p) * integral;
+  const LightSample sample = light.sample(p, u);
+  if (is_black(sample.weight) || is_black(strength)) return;
+  pending_.push_back({chance.shell, chance.light, v, sample, p, strength * sample.weight});
 }
 
 void MediumSource::look_along(const Vec3d& w) {
@@ -133,7 +213,7 @@ void MediumSource::look_along(const Vec3d& w) {
 }
 
 // Drawn evenly along the running sum of what stretches scatter.
-void MediumSource::add_scattered_again(const ShellMarcher& marcher, const Ray& ray,
+void MediumSource::add_scattered_again(const MarchedShells& marcher, const Ray& ray,
                                        RandomStream& random) {
   stretches(marcher, ray, stretches_);
   double sum = 0;
@@ -175,7 +255,7 @@ void MediumSource::add_scattered_again(const MediumStretch& stretch, const Ray& 
       outer(strength * slope(w.along_u), across_.u) + outer(strength * slope(w.along_v), across_.v);
 }
 
-void MediumSource::stretches(const ShellMarcher& marcher, const Ray& ray,
+void MediumSource::stretches(const MarchedShells& marcher, const Ray& ray,
                              std::vector<MediumStretch>& stretches) const {
   const auto& volumes = lighting_.world().medium().volumes();
   stretches.clear();
@@ -204,7 +284,7 @@ RgbD MediumSource::scattered_again(const Vec3d& p, const Vec3d& w) const {
   return sum;
 }
 
-const std::vector<ShellLight>& MediumSource::shells(const ShellMarcher& marcher, const Ray& ray,
+const std::vector<ShellLight>& MediumSource::shells(const MarchedShells& marcher, const Ray& ray,
                                                     std::span<const double> boundaries,
                                                     double t_end, std::span<const double> jitter,
                                                     RandomStream& random, Counters& counters) {
@@ -213,13 +293,13 @@ const std::vector<ShellLight>& MediumSource::shells(const ShellMarcher& marcher,
   shells_.assign(n, ShellLight());
   pending_.clear();
   if (scattered_) look_along(ray.direction);
-  lit_.clear();
-  if (effects_.scattering)
-    for (const auto& light : lighting_.world().lights()) lit_.push_back(light->lit_stretch(ray));
-  for (int i = 0; i < n; ++i) {
+  if (effects_.scattering) {
+    find_chances(marcher, ray, boundaries, t_end);
+    add_scattering(marcher, ray, boundaries, jitter, random);
+  }
+  for (int i = 0; effects_.emission && i < n; ++i) {
     const double a = boundaries[i], b = std::min(boundaries[i + 1], t_end);
     const RgbD dimming = shell_transmittance(marcher, i);
-    if (effects_.scattering) add_scattering(marcher, i, ray, a, b, jitter[i], dimming, random);
     for (std::size_t v = 0; v < volumes.size(); ++v) {
       const Volume& volume = volumes[v];
       const ShellDensity& density = marcher.shell(static_cast<int>(v), i);

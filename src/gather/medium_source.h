@@ -64,15 +64,21 @@ class MediumSource {
     most_asked_ = most_asked;
   }
 
+  // Each shell asks every light, or, where `most` is above 0, at most so many pairs of shell and
+  // light of a ray are asked: drawn in proportion to what they bring were nothing in the way and,
+  // for gradients (`near`), to that over its distance, they stand for the others.
+  // Points on each light are spread evenly over all rays from then on, by `random`.
+  void use_lamp_samples(int most, bool near, RandomStream random);
+
   // Light from each shell of `marcher`, which has just marched `ray` through `boundaries` up to
   // t_end. `random` gives area lights their points; visibility is traced in packets.
-  const std::vector<ShellLight>& shells(const ShellMarcher& marcher, const Ray& ray,
+  const std::vector<ShellLight>& shells(const MarchedShells& marcher, const Ray& ray,
                                         std::span<const double> boundaries, double t_end,
                                         std::span<const double> jitter, RandomStream& random,
                                         Counters& counters);
 
   // Of each shell and volume of `marcher` that scatters.
-  void stretches(const ShellMarcher& marcher, const Ray& ray,
+  void stretches(const MarchedShells& marcher, const Ray& ray,
                  std::vector<MediumStretch>& stretches) const;
 
   // Area lights with `samples` points. Visibility is traced.
@@ -93,8 +99,22 @@ class MediumSource {
     Vec3d position{0.0};
     RgbD strength;  // Everything but phase, transmittance to the light and visibility.
   };
-  void add_scattering(const ShellMarcher& marcher, int shell, const Ray& ray, double a, double b,
-                      double jitter, const RgbD& dimming, RandomStream& random);
+  // One shell and one light: what light straight from there is asked for.
+  struct Chance {
+    int shell, light;
+    double begin, end;  // Where in the shell the light shines.
+    double brings;      // About how much.
+    bool is_cut;        // It does not shine in all of the shell.
+    bool is_near;       // Its 1/d^2 decides where in the shell the light comes from.
+  };
+  void find_chances(const MarchedShells& marcher, const Ray& ray,
+                    std::span<const double> boundaries, double t_end);
+  void add_scattering(const MarchedShells& marcher, const Ray& ray,
+                      std::span<const double> boundaries, std::span<const double> jitter,
+                      RandomStream& random);
+  Vec2d lamp_point(int light, RandomStream& random);
+  void ask(const MarchedShells& marcher, const Ray& ray, const Chance& chance, double jitter,
+           double factor, RandomStream& random);
 
   // Weights of moments for one ray, by volume: of the value, and of its derivatives along two axes
   // across the ray.
@@ -102,21 +122,28 @@ class MediumSource {
     Harmonics value, along_u, along_v;
   };
   void look_along(const Vec3d& w);
-  void add_scattered_again(const ShellMarcher& marcher, const Ray& ray, RandomStream& random);
+  void add_scattered_again(const MarchedShells& marcher, const Ray& ray, RandomStream& random);
   void add_scattered_again(const MediumStretch& stretch, const Ray& ray, double factor);
 
   const Lighting& lighting_;
   Effects effects_;
   bool directional_;
   const IncidentField* scattered_ = nullptr;
-  int most_asked_ = 0;
+  int most_asked_ = 0, lamp_samples_ = 0;
+  bool near_ = false;
+  struct LampPoints {
+    Vec2d shift{0.0};
+    int count = 0;
+  };
+  std::vector<LampPoints> lamp_points_;  // By light; none: at random.
   std::vector<MediumStretch> stretches_;
   std::vector<RayWeights> weights_;  // By volume.
   Frame across_{Vec3d(0.0, 0.0, 1.0)};
   std::vector<ShellLight> shells_;
   std::vector<Pending> pending_;
-  std::vector<Interval> lit_;    // Of the ray, by light.
-  std::vector<double> chances_;  // Running sums over volumes, for choosing one.
+  std::vector<Interval> lit_;  // Of the ray, by light.
+  std::vector<Chance> chances_;
+  std::vector<double> shares_;  // Running sums over volumes, for choosing one.
   std::vector<ShadowRay> shadow_rays_;
   std::vector<std::uint8_t> occluded_;
 };

@@ -15,6 +15,12 @@ constexpr double kFarTimes2 = 4;
 constexpr double kMinSolidAngle = 1e-7;
 constexpr double kPerpendicular = 1e-9;
 
+// Radiance times about the solid angle of something that is `area` large, of which no part is much
+// nearer than its centre's distance or its own radius.
+double brightness_of(double radiance, double area, double distance2) {
+  return radiance * area / (distance2 + area / kPi);
+}
+
 // The part shared by everything flat or made of flat parts: p sees radiance from a point of it.
 struct Emitter {
   RgbD radiance;
@@ -81,6 +87,14 @@ class QuadShape {
     }
     return emitter.to_area_point(p, corner_ + edge_u_ * u.x + edge_v_ * u.y, normal_, area_);
   }
+  double brightness_at(const Emitter& emitter, const Vec3d& p) const {
+    const Vec3d d = p - centre();
+    const double height = normal_.dot(d), distance2 = d.length2();
+    if (!(area_ > 0) || !emitter.faces(height)) return 0;
+    // From within a few of its widths it is nowhere seen as edge-on as its centre is.
+    const double cosine = std::sqrt((height * height + 0.1 * area_) / (distance2 + 0.1 * area_));
+    return cosine * brightness_of(luminance(emitter.radiance), area_, distance2);
+  }
   double pdf(const Emitter& emitter, const Vec3d& p, const Vec3d& direction,
              double distance) const {
     const double cosine = -normal_.dot(direction);
@@ -126,6 +140,7 @@ class ReadyQuadLight final : public Light {
   LightSample sample(const Vec3d& p, const Vec2d& u) const override {
     return shape_.sample(emitter_, p, u);
   }
+  double brightness_at(const Vec3d& p) const override { return shape_.brightness_at(emitter_, p); }
   double pdf(const Vec3d& p, const Vec3d& direction, double distance, const Vec3d&) const override {
     return shape_.pdf(emitter_, p, direction, distance);
   }
@@ -168,6 +183,12 @@ class ReadyMeshLight final : public Light {
   LightSample sample(const Vec3d& p, const Vec2d& u) const override {
     const std::optional<Place> at = place(u);
     return at ? emitter_.to_area_point(p, at->position, at->normal, area_) : LightSample{};
+  }
+  // Its triangles may face any way and lie anywhere in its box.
+  double brightness_at(const Vec3d& p) const override {
+    if (!(area_ > 0)) return 0;
+    const double radius2 = 0.25 * bounds_.size().length2();
+    return brightness_of(luminance(emitter_.radiance), area_, (p - centre_).length2() + radius2);
   }
   double pdf(const Vec3d&, const Vec3d& direction, double distance,
              const Vec3d& light_normal) const override {

@@ -32,6 +32,10 @@ class ReadyPointLight final : public Light {
     const double metres = to.distance * unit_;
     return {to.direction, to.distance, intensity_ / (metres * metres), 0};
   }
+  double brightness_at(const Vec3d& p) const override {
+    const double d2 = (p - position_).length2() * unit_ * unit_;
+    return d2 > 0 ? luminance(intensity_) / d2 : 0;
+  }
   double pdf(const Vec3d&, const Vec3d&, double, const Vec3d&) const override { return 0; }
   std::optional<Ray> emit(const Vec2d&, const Vec2d& way) const override {
     return Ray{position_, sample_sphere(way)};
@@ -68,6 +72,11 @@ class ReadySpotLight final : public Light {
     const double metres = to.distance * unit_;
     const double falloff = smoothstep(-direction_.dot(to.direction));
     return {to.direction, to.distance, intensity_ * (falloff / (metres * metres)), 0};
+  }
+  double brightness_at(const Vec3d& p) const override {
+    // The cone is lit_stretch()'s.
+    const double d2 = (p - position_).length2() * unit_ * unit_;
+    return d2 > 0 ? luminance(intensity_) / d2 : 0;
   }
   Interval lit_stretch(const Ray& ray) const override;
   LightCone cone() const override { return {direction_, cos_outer_}; }
@@ -132,6 +141,7 @@ class ReadyDirectionalLight final : public Light {
     return {-direction_, kInfinity, irradiance_, 0};
   }
   double pdf(const Vec3d&, const Vec3d&, double, const Vec3d&) const override { return 0; }
+  double brightness_at(const Vec3d&) const override { return luminance(irradiance_); }
   double importance() const override { return luminance(irradiance_); }
   Vec3d centre() const override { return direction_; }
   Box3d bounds() const override { return {}; }

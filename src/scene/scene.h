@@ -33,6 +33,8 @@ struct RenderSettings {
   std::uint64_t seed = 1;
   int cells_theta = 16, cells_phi = 50;
   int shells = 0;          // 0: automatic.
+  double footprint = 1;
+  int lamp_samples = 4;    // 0: all.
   double step_voxels = 0;  // 0: automatic.
 };
 

@@ -90,6 +90,8 @@ RenderSettings read_render(const ObjectView& view) {
   r.cells_theta = int(cells[0]);
   r.cells_phi = int(cells[1]);
   r.shells = int(view.integer("shells"));
+  r.footprint = view.number("footprint");
+  r.lamp_samples = int(view.integer("lamp_samples"));
   r.step_voxels = view.number("step_voxels");
   return r;
 }

@@ -431,8 +431,19 @@ const ObjectSchema& render_object() {
         "[16, 50]", NumberRange{1, 4096}, 2},
        {"shells", KeyType::Integer, "Shells of a gather's march; 0 is automatic.", false, "0",
         NumberRange{0, 65536}},
-       {"step_voxels", KeyType::Number, "March step in voxels, smaller is finer; 0 is automatic.",
-        false, "0", NumberRange{0, 1000}}}};
+       {"footprint", KeyType::Number,
+        "Gathers march in steps as long as this share of the width that a ray stands for; 0: cell "
+        "by "
+        "cell.",
+        false, "1", NumberRange{0, 16}},
+       {"lamp_samples", KeyType::Integer,
+        "Samples of lights that a gather's ray asks for in the medium; 0: one of each light from "
+        "each "
+        "shell.",
+        false, "4", NumberRange{0, 65536}},
+       {"step_voxels", KeyType::Number,
+        "Least march step in voxels, smaller is finer; 0 is automatic.", false, "0",
+        NumberRange{0, 1000}}}};
   return schema;
 }
 

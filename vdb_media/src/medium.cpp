@@ -1,5 +1,8 @@
 #include "vdb_media/medium.h"
 
+#include <deque>
+#include <mutex>
+#include <optional>
 #include <utility>
 
 namespace brume {
@@ -122,8 +125,18 @@ RgbD Volume::emission_at(const Vec3d& p) const {
   return RgbD();
 }
 
-Medium::Medium(std::vector<Volume> volumes) : volumes_(std::move(volumes)) {
+struct Medium::Pyramids {
+  struct One {
+    std::once_flag made;
+    std::optional<BrickPyramid> pyramid;
+  };
+  std::deque<One> of;  // By volume.
+};
+
+Medium::Medium(std::vector<Volume> volumes)
+    : volumes_(std::move(volumes)), pyramids_(std::make_shared<Pyramids>()) {
   std::erase_if(volumes_, [](const Volume& v) { return v.is_empty(); });
+  pyramids_->of.resize(volumes_.size());
   for (const Volume& v : volumes_) {
     scatters_ |= v.scatters();
     emits_ |= v.emits();
@@ -135,6 +148,13 @@ Medium::Medium(std::vector<Volume> volumes) : volumes_(std::move(volumes)) {
     for (const auto* channels : {&v.albedo_grid, &v.emission.grid})
       for (const auto& g : *channels) voxel_size_ = std::min(voxel_size_, g->voxel_size());
   }
+}
+
+const BrickPyramid& Medium::pyramid(int volume) const {
+  const auto v = static_cast<std::size_t>(volume);
+  Pyramids::One& one = pyramids_->of[v];
+  std::call_once(one.made, [&] { one.pyramid.emplace(volumes_[v].density); });
+  return *one.pyramid;
 }
 
 RgbD Medium::sigma_t_at(const Vec3d& p) const {

@@ -6,17 +6,6 @@
 namespace brume {
 namespace {
 
-// The part of a shell's depth x that lies before a place drawn in proportion to transmittance:
-// -log(1 - u (1 - exp(-x))) / x.
-double draw_depth_fraction(double u, double x) {
-  if (x > 0.3) return std::min(1.0, -std::log1p(u * std::expm1(-x)) / x);
-  // Most shells are thin and the two functions are dear. This is the cumulant generating function
-  // of a coin that falls heads with probability u; six cumulants are good to 2e-8 here.
-  const double v = u * (1 - u), skew = v * (1 - 2 * u);
-  const double k4 = v * (1 - 6 * v), k5 = skew * (1 - 12 * v), k6 = v * (1 + v * (120 * v - 30));
-  return u - x * (v / 2 - x * (skew / 6 - x * (k4 / 24 - x * (k5 / 120 - x * (k6 / 720)))));
-}
-
 // Where in a segment, from 0 to 1, the integral of mean + change (s - 1/2) reaches `part` of a
 // length.
 double solve_segment(double mean, double change, double part) {
@@ -29,8 +18,7 @@ double solve_segment(double mean, double change, double part) {
 }  // namespace
 
 struct ShellMarcher::Scratch {
-  std::vector<double> edges;  // Of the shells that are marched, the last one cut at t_end.
-  std::vector<double> cuts;   // The same in a grid's parameters.
+  std::vector<double> cuts;  // The same in a grid's parameters.
   std::vector<Span> spans;
   Segments segments{64};
 };
@@ -53,7 +41,7 @@ void ShellMarcher::march_grid(int volume, const Ray& ray, std::span<const double
                               MarchCounters& counters) {
   const Volume& v = medium_->volumes()[volume];
   const BrickGrid& grid = *v.density;
-  const auto entry = enter(grid, ray, {scratch_->edges.front(), scratch_->edges.back()});
+  const auto entry = enter(grid, ray, {edges_.front(), edges_.back()});
   if (!entry) return;
   ++counters.rays;
 
@@ -61,7 +49,7 @@ void ShellMarcher::march_grid(int volume, const Ray& ray, std::span<const double
   std::vector<Span>& spans = scratch_->spans;
   const double base = entry->ray.base;
   cuts.clear();
-  for (const double e : scratch_->edges) cuts.push_back(e - base);
+  for (const double e : edges_) cuts.push_back(e - base);
   spans.clear();
   std::size_t cut = 1;
   walk_bricks(grid, *entry, [&](std::int32_t top, const Vec3i& corner, double begin, double end) {
@@ -122,7 +110,7 @@ void ShellMarcher::march_grid(int volume, const Ray& ray, std::span<const double
       const double part = s.length[at] > 0 ? std::max(0.0, target - before) / s.length[at] : 0;
       const double t =
           base + s.begin[at] + s.length[at] * solve_segment(s.mean[at], s.change[at], part);
-      shells[shell].t_sample = std::clamp(t, scratch_->edges[shell], scratch_->edges[shell + 1]);
+      shells[shell].t_sample = std::clamp(t, edges_[shell], edges_[shell + 1]);
       depth += in_shell;
     }
     add_depth(tau_[shell + 1], sigma_t, depth);
@@ -135,54 +123,14 @@ void ShellMarcher::march_grid(int volume, const Ray& ray, std::span<const double
   }
 }
 
-void ShellMarcher::march_homogeneous(int volume, const Ray& ray, std::span<const double> jitter,
-                                     MarchCounters& counters) {
-  const Volume& v = medium_->volumes()[volume];
-  const std::vector<double>& edges = scratch_->edges;
-  const Interval inside = clip_homogeneous(v, ray, {edges.front(), edges.back()});
-  if (inside.is_empty()) return;
-  ++counters.rays;
-  const RgbD sigma_t = v.sigma_t();
-  const double mean_sigma_t = mean_component(sigma_t);
-  double depth = 0;
-  for (int shell = 0; shell < shell_count_; ++shell) {
-    const double begin = std::max(edges[shell], inside.begin);
-    const double length = std::min(edges[shell + 1], inside.end) - begin;
-    if (length > 0) {
-      ++counters.segments;
-      depth += length;
-      shells_[volume * stride_ + shell] = {
-          length, begin + length * draw_depth_fraction(jitter[shell], mean_sigma_t * length)};
-    }
-    add_depth(tau_[shell + 1], sigma_t, depth);
-  }
-}
-
 void ShellMarcher::march(const Ray& ray, std::span<const double> boundaries, double t_end,
                          std::span<const double> jitter, bool want_gradients,
                          MarchCounters& counters) {
-  const std::size_t volumes = medium_->volumes().size();
-  stride_ = boundaries.size();
-  shells_.assign(volumes * stride_, ShellDensity{});
-  tau_.assign(stride_, RgbD());
-  if (want_gradients) {
-    i0_.assign(volumes * stride_, Vec3d(0.0));
-    i1_.assign(volumes * stride_, Vec3d(0.0));
-  }
-  std::vector<double>& edges = scratch_->edges;
-  edges.clear();
-  for (std::size_t i = 0; i + 1 < boundaries.size() && boundaries[i] < t_end; ++i)
-    edges.push_back(boundaries[i]);
-  shell_count_ = int(edges.size());
-  if (shell_count_ == 0) return;
-  edges.push_back(std::min(boundaries[shell_count_], t_end));
-
-  for (std::size_t v = 0; v < volumes; ++v) {
-    // Where a volume has no density its sample is as good anywhere.
-    for (int s = 0; s < shell_count_; ++s)
-      shells_[v * stride_ + s].t_sample = edges[s] + (edges[s + 1] - edges[s]) * jitter[s];
-    if (medium_->volumes()[v].is_homogeneous())
-      march_homogeneous(int(v), ray, jitter, counters);
+  if (!begin(*medium_, boundaries, t_end, jitter, want_gradients)) return;
+  const auto& volumes = medium_->volumes();
+  for (std::size_t v = 0; v < volumes.size(); ++v) {
+    if (volumes[v].is_homogeneous())
+      march_homogeneous(volumes[v], int(v), ray, jitter, counters);
     else if (want_gradients)
       march_grid<true>(int(v), ray, jitter, counters);
     else

@@ -9,6 +9,7 @@
 
 #include "core/math.h"
 #include "vdb_media/brick_grid.h"
+#include "vdb_media/brick_pyramid.h"
 #include "vdb_media/phase_function.h"
 
 namespace brume {
@@ -78,13 +79,18 @@ class Medium {
   // Shortest voxel edge of all grids; infinity without grids.
   double voxel_size() const { return voxel_size_; }
 
+  // Of a volume that is not homogeneous; made when first asked for. Thread-safe.
+  const BrickPyramid& pyramid(int volume) const;
+
   // Of all volumes together [1/world unit].
   RgbD sigma_t_at(const Vec3d& p) const;
   RgbD sigma_s_at(const Vec3d& p) const;
   Fingerprint fingerprint() const;
 
  private:
+  struct Pyramids;
   std::vector<Volume> volumes_;
+  std::shared_ptr<Pyramids> pyramids_;  // Copies share them.
   bool scatters_ = false, emits_ = false, chromatic_ = false, unbounded_ = false,
        heterogeneous_ = false;
   Box3d bounds_;

@@ -47,9 +47,48 @@ struct ShellDensity {
   double t_sample = 0;
 };
 
-// The density of every volume along a ray, cut at common boundaries. Reusable scratch memory: make
-// one a thread. Results stay valid until the next march().
-class ShellMarcher {
+// The density of every volume along a ray, shell by shell: what marchers leave behind.
+class MarchedShells {
+ public:
+  // Shells that begin before the ray's end.
+  int shell_count() const { return shell_count_; }
+  const ShellDensity& shell(int volume, int shell) const {
+    return shells_[std::size_t(volume) * stride_ + shell];
+  }
+  // sum over volumes of sigma_t * integral of density, from the first boundary to the start of
+  // `shell` (or to the ray's end for shell == shell_count()).
+  const RgbD& tau(int shell) const { return tau_[shell]; }
+  // Integrals over u from 0 (the ray's origin) to the start of `shell` of grad density and of
+  // u grad density, per volume: I0 and I1 of gradients.md 3, before sigma_t, with u in world units and
+  // the gradient in the grid's index space (world_to_index().transposed_vector() takes sums of them to
+  // world space). Only where gradients were wanted. The density before the first boundary counts as
+  // none, so callers put it at or before the medium's entry.
+  const Vec3d& grad_integral(int volume, int shell) const {
+    return i0_[std::size_t(volume) * stride_ + shell];
+  }
+  const Vec3d& grad_moment(int volume, int shell) const {
+    return i1_[std::size_t(volume) * stride_ + shell];
+  }
+
+ protected:
+  // Sets edges_ to the boundaries before t_end and t_end itself, all sums to 0, and each sample to
+  // its jittered place. False where no shell begins before t_end.
+  bool begin(const Medium& medium, std::span<const double> boundaries, double t_end,
+             std::span<const double> jitter, bool want_gradients);
+  void march_homogeneous(const Volume& volume, int index, const Ray& ray,
+                         std::span<const double> jitter, MarchCounters& counters);
+
+  int shell_count_ = 0;
+  std::size_t stride_ = 0;
+  std::vector<double> edges_;
+  std::vector<ShellDensity> shells_;
+  std::vector<RgbD> tau_;
+  std::vector<Vec3d> i0_, i1_;
+};
+
+// Marches cell by cell, cut at common boundaries. Reusable scratch memory: make one a thread. Results
+// stay valid until the next march().
+class ShellMarcher : public MarchedShells {
  public:
   // The Medium must outlive it. Copies share nothing.
   explicit ShellMarcher(const Medium& medium, MarchOptions options);
@@ -62,44 +101,17 @@ class ShellMarcher {
   // Marches from boundaries.front() to min(boundaries.back(), t_end); shells past t_end are zero and
   // the one that holds t_end is cut there. `boundaries` ascend, at least two. `jitter` has one number
   // in [0,1) a shell, used for every volume's t_sample. With `want_gradients` also the weighted
-  // integrals of grad density below.
+  // integrals of grad density.
   void march(const Ray& ray, std::span<const double> boundaries, double t_end,
              std::span<const double> jitter, bool want_gradients, MarchCounters& counters);
-
-  // Shells that begin before t_end.
-  int shell_count() const { return shell_count_; }
-  const ShellDensity& shell(int volume, int shell) const {
-    return shells_[std::size_t(volume) * stride_ + shell];
-  }
-  // sum over volumes of sigma_t * integral of density, from boundaries.front() to the start of
-  // `shell` (or to t_end for shell == shell_count()).
-  const RgbD& tau(int shell) const { return tau_[shell]; }
-  // Integrals over u from 0 (the ray's origin) to the start of `shell` of grad density and of
-  // u grad density, per volume: I0 and I1 of gradients.md 3, before sigma_t, with u in world units and
-  // the gradient in the grid's index space (world_to_index().transposed_vector() takes sums of them to
-  // world space). Only with want_gradients. The density before boundaries.front() counts as none, so callers put
-  // boundaries.front() at or before the medium's entry.
-  const Vec3d& grad_integral(int volume, int shell) const {
-    return i0_[std::size_t(volume) * stride_ + shell];
-  }
-  const Vec3d& grad_moment(int volume, int shell) const {
-    return i1_[std::size_t(volume) * stride_ + shell];
-  }
 
  private:
   template <bool kGradients>
   void march_grid(int volume, const Ray& ray, std::span<const double> jitter,
                   MarchCounters& counters);
-  void march_homogeneous(int volume, const Ray& ray, std::span<const double> jitter,
-                         MarchCounters& counters);
 
   const Medium* medium_;
   MarchOptions options_;
-  int shell_count_ = 0;
-  std::size_t stride_ = 0;
-  std::vector<ShellDensity> shells_;
-  std::vector<RgbD> tau_;
-  std::vector<Vec3d> i0_, i1_;
   struct Scratch;
   std::unique_ptr<Scratch> scratch_;
 };
