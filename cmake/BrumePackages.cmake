@@ -13,6 +13,7 @@ brume_find(nlohmann_json CONFIG)
 brume_find(assimp CONFIG)
 brume_find(OpenImageIO CONFIG)
 brume_find(CLI11 CONFIG)
+brume_find(hwy CONFIG)
 brume_find(Threads)
 
 # Debian's OpenImageIO names OpenCV's headers, which none of its packages depends on and brume never

@@ -11,7 +11,7 @@ packages=(
   libopenvdb-dev libblosc-dev libboost-iostreams-dev zlib1g-dev
   libembree-dev libtbb-dev
   libopenimageio-dev openimageio-tools libimath-dev libopenexr-dev # its CMake file wants its tools
-  libassimp-dev nlohmann-json3-dev libcli11-dev libxxhash-dev
+  libassimp-dev nlohmann-json3-dev libcli11-dev libxxhash-dev libhwy-dev
   libjs-three libjs-chart.js # inlined into the pages of `inspect --html` and `figures`
 )
 case "${1:-}" in

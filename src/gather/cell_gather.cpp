@@ -69,8 +69,9 @@ void CellGather::gather(const Vec3d& origin, const Frame& base, std::uint64_t ke
   boundaries_.clear();
   if (effects_.medium) choose_shells();
   sigma_here_ = effects_.medium ? world_.medium().sigma_t_at(origin_) : RgbD();
-  for (int c = 0; c < n; ++c) add_cell(c, counters);
-  for (std::size_t i = 0; i < guided_.rays().size(); ++i) add_guided(static_cast<int>(i), counters);
+  const int at_once = marches_exactly() ? 1 : ConeMarcher::kRays;
+  for (int first = 0; first < slot_count(); first += at_once)
+    add_rays(first, std::min(at_once, slot_count() - first), counters);
 }
 
 // Pass 1: what each ray sees, and what surfaces send along it.
@@ -145,7 +146,7 @@ void CellGather::choose_shells() {
   int count = options_.shells;
   if (count == 0) {
     const double voxels = (end - begin) / world_.medium().voxel_size();
-    count = std::clamp(static_cast<int>(voxels / 2), 24, GatherOptions::kMaxAutomaticShells);
+    count = std::clamp(static_cast<int>(voxels / 3), 24, GatherOptions::kMaxAutomaticShells);
   }
   // Even steps of log(t + t0): near ones are thin, because an edge of a light shaft that lies
   // inside one is taken for its centre, and that matters as 1/t.
@@ -156,113 +157,130 @@ void CellGather::choose_shells() {
   jitter_.resize(count);
   shell_shift_.resize(count);
   RandomStream random = stream(-1, 2);
-  for (double& shift : shell_shift_) shift = random.uniform();
+  for (float& shift : shell_shift_) shift = static_cast<float>(random.uniform());
   step_shift_ = random.uniform();
   if (!marches_exactly())
-    cones_.begin(origin_, boundaries_, options_.footprint * 2 * cells_.spread());
+    cones_.begin(origin_, boundaries_, options_.footprint * 2 * cells_.spread(), shell_shift_);
 }
 
-// Where a cell looks in its shells: each shell by itself evenly, cells one after the other a golden
-// section apart, so that few of them see much of a shell.
-void CellGather::draw_jitter(int c) {
-  for (std::size_t i = 0; i < jitter_.size(); ++i) {
-    const double u = shell_shift_[i] + c * (std::numbers::phi - 1);
-    jitter_[i] = u - std::floor(u);
-  }
+// Each shell by itself evenly, rays one after the other a golden section apart, so that few of them
+// see much of a shell.
+ShellJitter CellGather::jitter(int slot) const {
+  const double turn = slot * (std::numbers::phi - 1);
+  return {shell_shift_, turn - std::floor(turn)};
 }
 
-// Places of samples within steps are as even over cells as those of shells, by another irrational.
-void CellGather::march(const Ray& ray, double end, int jitter, bool gradients, Counters& counters) {
-  draw_jitter(jitter);
+// Places within steps are as even over rays as those within shells, by another irrational.
+void CellGather::march(int first, int count, bool gradients, Counters& counters) {
   MarchCounters march;
+  marched_.clear();
   if (marches_exactly()) {
-    exact_.march(ray, boundaries_, end, jitter_, gradients, march);
-    marched_ = &exact_;
+    const ShellJitter places = jitter(first);
+    for (std::size_t i = 0; i < jitter_.size(); ++i) jitter_[i] = places.at(static_cast<int>(i));
+    exact_.march(rays_[static_cast<std::size_t>(first)], boundaries_, end_of(first), jitter_,
+                 gradients, march);
+    marched_.push_back(exact_.view());
   } else {
-    const double u = step_shift_ + jitter * (std::numbers::sqrt2 - 1);
-    cones_.march(ray.direction, end, u - std::floor(u), jitter_, gradients, march);
-    marched_ = &cones_;
+    cone_rays_.clear();
+    for (int slot = first; slot < first + count; ++slot) {
+      const double place = step_shift_ + slot * (std::numbers::sqrt2 - 1);
+      cone_rays_.push_back({rays_[static_cast<std::size_t>(slot)].direction, end_of(slot),
+                            static_cast<float>(place - std::floor(place)),
+                            static_cast<float>(jitter(slot).turn)});
+    }
+    cones_.march(cone_rays_, gradients, march);
+    for (int i = 0; i < count; ++i) marched_.push_back(cones_.ray(i));
   }
   counters.march_rays += march.rays;
   counters.segments += march.segments;
 }
 
-// Pass 2 for one cell: march it, and add what its shells and its surface send.
-void CellGather::add_cell(int c, Counters& counters) {
-  const Ray ray = ray_of(cell_[c]);
-  const double weight = cells_.domain() == DirectionDomain::Sphere ? 1 : cell_[c].w.dot(frame_.n);
-  const double share = guided_.rays().empty() ? 1 : guided_.share(cells_, c, cell_[c].w, weight);
-  RgbD transmittance(1);
-  if (!boundaries_.empty()) {
-    march(ray, cell_[c].s, c, is_full() && effects_.heterogeneous, counters);
-    if (options_.medium_points >= 0) keep_medium_points(c);
-    transmittance = exp_neg(marched_->tau(marched_->shell_count()));
+// Pass 2 for some rays: marches them, and adds what their media and surfaces send.
+void CellGather::add_rays(int first, int count, Counters& counters) {
+  const bool has_medium = !boundaries_.empty();
+  const bool has_light = has_medium && (has_source() || effects_.emission);
+  if (has_medium) march(first, count, is_full() && effects_.heterogeneous, counters);
+  if (has_light) {
+    medium_.begin();
+    for (int i = 0; i < count; ++i) {
+      RandomStream random = stream(first + i, 2);
+      medium_.add(marched_[static_cast<std::size_t>(i)], rays_[static_cast<std::size_t>(first + i)],
+                  boundaries_, end_of(first + i), jitter(first + i), random);
+    }
+    medium_.finish(counters);
   }
-  own_[c] = add_surface(c, c, transmittance * share);
-  if (!boundaries_.empty())
-    own_[c] += add_medium(c, ray, cell_[c].s, share, stream(c, 2), counters);
+  const int n = cells_.count();
+  for (int i = 0; i < count; ++i) {
+    const int slot = first + i;
+    const bool is_guided = slot >= n;
+    const std::size_t guided = static_cast<std::size_t>(slot - n);
+    const int c = is_guided ? guided_.rays()[guided].cell : slot;
+    const MarchedShells* marched = has_medium ? &marched_[static_cast<std::size_t>(i)] : nullptr;
+    if (marched && !is_guided && options_.medium_points >= 0) keep_medium_points(c, *marched);
+    const double share = share_of(slot);
+    const RgbD transmittance = marched ? marched->transmittance() : RgbD(1);
+    double added = add_surface(c, slot, marched, transmittance * share);
+    if (has_light) added += add_medium(c, slot, *marched, medium_.light(i), share);
+    if (is_guided)
+      from_guided_[guided] = cells_.cell(c).measure * added;
+    else
+      own_[c] = added;
+  }
 }
 
-void CellGather::add_guided(int i, Counters& counters) {
-  const GuidedRay& guided = guided_.rays()[static_cast<std::size_t>(i)];
-  const int slot = cells_.count() + i;
-  const double end = hits_[static_cast<std::size_t>(slot)].t;
-  const Ray ray{origin_, guided.direction};
-  RgbD transmittance(1);
-  if (!boundaries_.empty()) {
-    march(ray, end, slot, is_full() && effects_.heterogeneous, counters);
-    transmittance = exp_neg(marched_->tau(marched_->shell_count()));
-  }
-  double added = add_surface(guided.cell, slot, transmittance * guided.share);
-  if (!boundaries_.empty())
-    added += add_medium(guided.cell, ray, end, guided.share, stream(slot, 2), counters);
-  from_guided_[static_cast<std::size_t>(i)] = cells_.cell(guided.cell).measure * added;
+// What counts of a ray's light in its cell's mean.
+double CellGather::share_of(int slot) const {
+  const int n = cells_.count();
+  if (slot >= n) return guided_.rays()[static_cast<std::size_t>(slot - n)].share;
+  if (guided_.rays().empty()) return 1;
+  const double weight =
+      cells_.domain() == DirectionDomain::Sphere ? 1 : cell_[slot].w.dot(frame_.n);
+  return guided_.share(cells_, slot, cell_[slot].w, weight);
 }
 
-// What the shells of the ray that was just marched send, as a share of the cell's light.
-double CellGather::add_medium(int c, const Ray& ray, double end, double share, RandomStream random,
-                              Counters& counters) {
-  if (!has_source() && !effects_.emission) return 0;
-  CellLight& light = light_[c];
-  const int n = marched_->shell_count();
-  shell_sums_.begin(n);
-  RgbGradient directional;
-  const auto& shells = medium_.shells(*marched_, ray, boundaries_, end, jitter_, random, counters);
-  for (int i = 0; i < n; ++i) {
-    const RgbD f = shells[i].total() * share;
-    const double inverse_t = 2 / (boundaries_[i] + std::min(boundaries_[i + 1], end));
-    shell_sums_.add(f, inverse_t);
-    if (!is_full() || is_black(f)) continue;
-    for (Bend& bend : bends_)
-      bend.add(f * 0.5, bend_integral(bend.volume, i, inverse_t) +
-                            bend_integral(bend.volume, i + 1, inverse_t));
-    if (effects_.anisotropic) directional += shells[i].directional * (inverse_t * share);
-  }
-  if (is_black(shell_sums_.light())) return 0;
-  const double added = luminance(shell_sums_.light());
-  light.media += shell_sums_.light();
-  light.over_distance += luminance(shell_sums_.light_over_distance());
-  if (!is_full()) return added;
+double CellGather::add_medium(int c, int slot, const MarchedShells& marched,
+                              std::span<const MediumLight> sent, double share) {
+  const Vec3d& w = rays_[static_cast<std::size_t>(slot)].direction;
+  const double end = end_of(slot);
   const DirectionCell& around = cells_.cell(c);
-  for (int side = around.first_side; side < around.end_side; ++side)
-    phi_[side] += shell_sums_.over_distance_up_to(inverse_r_[side]);
+  CellLight& light = light_[c];
+  RgbD all;
+  RgbGradient directional;
+  for (const MediumLight& part : sent) {
+    if (is_black(part.light)) continue;
+    const RgbD f = part.light * share;
+    const double inverse_t =
+        2 / (boundaries_[part.shell] + std::min(boundaries_[part.shell + 1], end));
+    all += f;
+    light.over_distance += luminance(f) * inverse_t;
+    if (!is_full()) continue;
+    // Phi of gradients.md 3: F / min(t, r).
+    for (int side = around.first_side; side < around.end_side; ++side)
+      phi_[side] += f * std::max(inverse_t, inverse_r_[side]);
+    for (Bend& bend : bends_)
+      bend.add(f * 0.5, bend_integral(marched, bend.volume, part.shell, inverse_t) +
+                            bend_integral(marched, bend.volume, part.shell + 1, inverse_t));
+    if (effects_.anisotropic) directional += part.directional * (inverse_t * share);
+  }
+  light.media += all;
+  if (!is_full()) return luminance(all);
   for (Bend& bend : bends_) {
-    light.grad_sigma -=
-        perpendicular(bend.in_world(world_.medium().volumes()[bend.volume]), ray.direction);
+    light.grad_sigma -= perpendicular(bend.in_world(world_.medium().volumes()[bend.volume]), w);
     bend.sum = {};
   }
-  if (effects_.anisotropic) light.directional += perpendicular(directional, ray.direction);
-  return added;
+  if (effects_.anisotropic) light.directional += perpendicular(directional, w);
+  return luminance(all);
 }
 
 // I0 - I1/t of a volume's density up to where `shell` begins, for a ray that ends at t.
-Vec3d CellGather::bend_integral(int volume, int shell, double inverse_t) const {
-  return marched_->grad_integral(volume, shell) - marched_->grad_moment(volume, shell) * inverse_t;
+Vec3d CellGather::bend_integral(const MarchedShells& marched, int volume, int shell,
+                                double inverse_t) {
+  return marched.grad_integral(volume, shell) - marched.grad_moment(volume, shell) * inverse_t;
 }
 
 // What the surface at the end of ray `slot` sends, dimmed, as part of a cell's light. Returns its
 // luminance.
-double CellGather::add_surface(int c, int slot, const RgbD& dimming) {
+double CellGather::add_surface(int c, int slot, const MarchedShells* marched, const RgbD& dimming) {
   const std::size_t at = static_cast<std::size_t>(slot);
   const Vec3d& w = rays_[at].direction;
   if (options_.medium_points >= 0) keep_stratum(c, slot, dimming);
@@ -279,8 +297,8 @@ double CellGather::add_surface(int c, int slot, const RgbD& dimming) {
   for (int side = around.first_side; side < around.end_side; ++side)
     phi_[side] += sent * (slot == c ? inverse_r_[side] : within);
   for (Bend& bend : bends_) {
-    if (boundaries_.empty()) break;
-    bend.add(sent, bend_integral(bend.volume, marched_->shell_count(), inverse_s));
+    if (!marched) break;
+    bend.add(sent, bend_integral(*marched, bend.volume, marched->shell_count(), inverse_s));
     light.grad_sigma -= perpendicular(bend.in_world(world_.medium().volumes()[bend.volume]), w);
     bend.sum = {};
   }
@@ -328,9 +346,9 @@ void CellGather::keep_stratum(int c, int slot, const RgbD& dimming) {
 
 // A few points, evenly through the running sum of what the stretches scatter. Their weights sum to
 // all of it in each channel, so that nothing is lost or gained by choosing.
-void CellGather::keep_medium_points(int c) {
+void CellGather::keep_medium_points(int c, const MarchedShells& marched) {
   if (options_.medium_points == 0 || !effects_.multiple_scattering) return;
-  medium_.stretches(*marched_, ray_of(cell_[c]), stretches_);
+  medium_.stretches(marched, ray_of(cell_[c]), stretches_);
   RgbD all;
   for (const MediumStretch& s : stretches_) all += s.weight;
   const double sum = mean_component(all);
@@ -384,25 +402,29 @@ RgbGradient CellGather::moving_medium(int c, Counters& counters) {
   const auto& volumes = world_.medium().volumes();
   const Ray ray = ray_of(cell_[c]);
   RandomStream random = stream(c, 2);
-  march(ray, cell_[c].s, c, true, counters);
-  const int n = marched_->shell_count();
-  const auto shells =
-      medium_.shells(*marched_, ray, boundaries_, cell_[c].s, jitter_, random, counters);
+  march(c, 1, true, counters);
+  const MarchedShells& marched = marched_.front();
+  const ShellJitter places = jitter(c);
+  medium_.begin();
+  medium_.add(marched, ray, boundaries_, cell_[c].s, places, random);
+  medium_.finish(counters);
+  const int n = marched.shell_count();
   const auto i0 = [&](int shell) {
     RgbGradient b;
     for (const Bend& bend : bends_)
-      b += Bend{bend.volume, outer(RgbD(1), marched_->grad_integral(bend.volume, shell))}.in_world(
+      b += Bend{bend.volume, outer(RgbD(1), marched.grad_integral(bend.volume, shell))}.in_world(
           volumes[bend.volume]);
     return b;
   };
   RgbGradient d;
+  for (const MediumLight& part : medium_.light(0)) {
+    const RgbGradient bend = (i0(part.shell) + i0(part.shell + 1)) * 0.5;
+    for (int ch = 0; ch < 3; ++ch) d[ch] -= bend[ch] * part.light[ch];
+  }
   for (int i = 0; i < n; ++i) {
     const double a = boundaries_[i], b = std::min(boundaries_[i + 1], cell_[c].s);
-    const RgbD f = shells[i].total();
-    const RgbGradient bend = (i0(i) + i0(i + 1)) * 0.5;
-    for (int ch = 0; ch < 3; ++ch) d[ch] -= bend[ch] * f[ch];
-    const Vec3d p = ray.at(a + jitter_[i] * (b - a));
-    const RgbD weight = exp_neg((marched_->tau(i) + marched_->tau(i + 1)) * 0.5) * (b - a);
+    const Vec3d p = ray.at(a + places.at(i) * (b - a));
+    const RgbD weight = marched.transmittance(i) * (b - a);
     const auto add_gradient = [&](auto&& q) {
       for (int axis = 0; axis < 3; ++axis) {
         Vec3d e(0.0);
@@ -423,7 +445,7 @@ RgbGradient CellGather::moving_medium(int c, Counters& counters) {
       });
     }
   }
-  const RgbD from_surface = surfaces_.radiance(c) * exp_neg(marched_->tau(n));
+  const RgbD from_surface = surfaces_.radiance(c) * marched.transmittance();
   const RgbGradient bend = i0(n);
   for (int ch = 0; ch < 3; ++ch) d[ch] -= bend[ch] * from_surface[ch];
   return d;

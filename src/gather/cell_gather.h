@@ -8,12 +8,12 @@
 #include <vector>
 
 #include "core/random.h"
+#include "gather/bend.h"
 #include "gather/cell_noise.h"
 #include "gather/direction_cells.h"
 #include "gather/gather.h"
 #include "gather/guided_rays.h"
 #include "gather/medium_source.h"
-#include "gather/shell_sums.h"
 #include "gather/surface_light.h"
 #include "vdb_media/cone_marcher.h"
 
@@ -86,18 +86,22 @@ class CellGather {
   void find_walls();
   static double inverse_wall_distance(const Cell& a, const Cell& b, const Vec3d& wall);
   void choose_shells();
-  void draw_jitter(int c);
-  void march(const Ray& ray, double end, int jitter, bool gradients, Counters& counters);
-  void add_cell(int c, Counters& counters);
-  void add_guided(int i, Counters& counters);
-  // Returns the luminance of what it added.
-  double add_medium(int c, const Ray& ray, double end, double share, RandomStream random,
-                    Counters& counters);
-  double add_surface(int c, int slot, const RgbD& dimming);
+  // Slots are rays: of the cells, then guided ones.
+  int slot_count() const { return static_cast<int>(rays_.size()); }
+  double end_of(int slot) const { return hits_[static_cast<std::size_t>(slot)].t; }
+  ShellJitter jitter(int slot) const;
+  void march(int first, int count, bool gradients, Counters& counters);
+  void add_rays(int first, int count, Counters& counters);
+  double share_of(int slot) const;
+  // Of what a ray's medium sends, a share that counts of it, as part of a cell's light. Returns the
+  // luminance of what it added.
+  double add_medium(int c, int slot, const MarchedShells& marched,
+                    std::span<const MediumLight> sent, double share);
+  double add_surface(int c, int slot, const MarchedShells* marched, const RgbD& dimming);
   double inverse_distance_within(int slot) const;
   void keep_stratum(int c, int slot, const RgbD& dimming);
-  void keep_medium_points(int c);
-  Vec3d bend_integral(int volume, int shell, double inverse_t) const;
+  void keep_medium_points(int c, const MarchedShells& marched);
+  static Vec3d bend_integral(const MarchedShells& marched, int volume, int shell, double inverse_t);
   Ray ray_of(const Cell& seen) const { return {origin_, seen.w}; }
   RandomStream stream(int of_cell, int use) const {
     return RandomStream(random_key(key_, of_cell, use));
@@ -109,7 +113,7 @@ class CellGather {
   GatherOptions options_;
   ShellMarcher exact_;
   ConeMarcher cones_;
-  const MarchedShells* marched_ = nullptr;  // The last ray's, one of theirs.
+  std::vector<MarchedShells> marched_;  // Of the batch at hand, by one of them.
   SurfaceLight surfaces_;
   MediumSource medium_;
   GuidedRays guided_;
@@ -132,9 +136,10 @@ class CellGather {
   std::vector<MediumStretch> stretches_;
   std::vector<double> inverse_r_;  // 1/r at each side of a wall.
   std::vector<RgbD> phi_;          // Phi of gradients.md 3, at each side of a wall.
-  std::vector<double> boundaries_, shell_shift_, jitter_;
+  std::vector<double> boundaries_, jitter_;
+  std::vector<float> shell_shift_;
   double step_shift_ = 0;
-  ShellSums shell_sums_;
+  std::vector<ConeRay> cone_rays_;
   std::vector<Bend> bends_;  // Of volumes that are grids.
 };
 

@@ -41,7 +41,7 @@ struct GatherOptions {
   // Below 0: no strata are kept. Else strata() holds them, each with at most so many points of a
   // medium that scatters more than once.
   int medium_points = -1;
-  static constexpr int kMaxAutomaticShells = 48;
+  static constexpr int kMaxAutomaticShells = 32;
   int cell_count() const { return cells_theta * cells_phi; }
 };
 

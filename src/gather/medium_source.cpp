@@ -26,20 +26,6 @@ struct EquiAngular {
   }
 };
 
-// Mean transmittance from a shell to the ray's origin, exp(-tau) (1 - exp(-depth)) / depth: exact
-// for a source in proportion to density.
-RgbD shell_transmittance(const MarchedShells& marcher, int shell) {
-  const RgbD tau = marcher.tau(shell), depth = marcher.tau(shell + 1) - tau;
-  return RgbD(one_minus_exp_over(depth.r), one_minus_exp_over(depth.g),
-              one_minus_exp_over(depth.b)) *
-         exp_neg(tau);
-}
-
-double distance_to_segment(const Ray& ray, const Vec3d& point, double a, double b) {
-  const double t = std::clamp((point - ray.origin).dot(ray.direction), a, b);
-  return (point - ray.at(t)).length();
-}
-
 }  // namespace
 
 RgbD SourceAtPoint::towards(const Vec3d& direction) const {
@@ -54,7 +40,10 @@ RgbD SourceAtPoint::towards(const Vec3d& direction) const {
 }
 
 MediumSource::MediumSource(const Lighting& lighting, const Effects& effects, bool directional)
-    : lighting_(lighting), effects_(effects), directional_(directional) {}
+    : lighting_(lighting), effects_(effects), directional_(directional) {
+  for (const Volume& v : lighting.world().medium().volumes())
+    mean_sigma_s_.push_back(v.scatters() ? mean_component(v.sigma_s) : 0);
+}
 
 void MediumSource::use_lamp_samples(int most, bool near, RandomStream random) {
   lamp_samples_ = most;
@@ -76,53 +65,59 @@ Vec2d MediumSource::lamp_point(int light, RandomStream& random) {
 }
 
 // Every pair of a shell that scatters and a light that shines there.
-void MediumSource::find_chances(const MarchedShells& marcher, const Ray& ray,
+void MediumSource::find_chances(const MarchedShells& marched, const Ray& ray,
                                 std::span<const double> boundaries, double t_end) {
-  const World& world = lighting_.world();
-  const auto& volumes = world.medium().volumes();
-  lit_.clear();
-  for (const auto& light : world.lights()) lit_.push_back(light->lit_stretch(ray));
   chances_.clear();
-  for (int i = 0; i < marcher.shell_count(); ++i) {
+  scattering_.clear();
+  middles_.clear();
+  for (int i = 0; i < marched.shell_count(); ++i) {
     double scatters = 0;
-    for (std::size_t v = 0; v < volumes.size(); ++v)
-      if (volumes[v].scatters())
-        scatters +=
-            mean_component(volumes[v].sigma_s) * marcher.shell(static_cast<int>(v), i).integral;
+    for (std::size_t v = 0; v < mean_sigma_s_.size(); ++v)
+      scatters += mean_sigma_s_[v] * marched.shell(static_cast<int>(v), i).integral;
     if (!(scatters > 0)) continue;
-    scatters *= mean_component(shell_transmittance(marcher, i));
     const double a = boundaries[i], b = std::min(boundaries[i + 1], t_end);
-    for (std::size_t l = 0; l < world.lights().size(); ++l) {
-      const double begin = std::max(a, lit_[l].begin), end = std::min(b, lit_[l].end);
+    scattering_.push_back({i, a, b, scatters * mean_component(marched.transmittance(i))});
+    middles_.push_back(0.5 * (a + b));
+  }
+  brightness_.assign(middles_.size(), 1);
+  const auto& lights = lighting_.world().lights();
+  for (std::size_t l = 0; l < lights.size(); ++l) {
+    const Light& light = *lights[l];
+    const Interval lit = light.lit_stretch(ray);
+    if (lamp_samples_ > 0) light.brightness_along(ray, middles_, brightness_);
+    const bool is_point = light.kind() == Light::Kind::Point || light.kind() == Light::Kind::Spot;
+    const Vec3d centre = light.centre();
+    const double t0 = (centre - ray.origin).dot(ray.direction);
+    const double height2 = is_point ? (centre - ray.at(t0)).length2() : kInfinity;
+    for (std::size_t i = 0; i < scattering_.size(); ++i) {
+      const ScatteringShell& shell = scattering_[i];
+      const double begin = std::max(shell.begin, lit.begin), end = std::min(shell.end, lit.end);
       if (!(begin < end)) continue;
-      const Light& light = *world.lights()[l];
       // Close to a point light the 1/d^2 decides where the light comes from, at the edge of a cone
       // the cone, elsewhere the density does.
-      const bool is_near =
-          (light.kind() == Light::Kind::Point || light.kind() == Light::Kind::Spot) &&
-          distance_to_segment(ray, light.centre(), begin, end) < b - a;
-      double brings = scatters;
-      if (lamp_samples_ > 0) {
-        const Vec3d middle = ray.at(0.5 * (begin + end));
-        brings *= light.brightness_at(middle) * (end - begin) / (b - a);
-        if (is_near) {
-          const EquiAngular near(ray, light.centre(), begin, end);
-          brings *= (middle - light.centre()).length2() * near.mean_inverse_square(begin, end);
-        }
+      const double length = shell.end - shell.begin;
+      const double beside = std::max({0.0, begin - t0, t0 - end});
+      const bool is_near = height2 + beside * beside < length * length;
+      const bool is_cut = end - begin < length;
+      double brings = shell.scatters * brightness_[i];
+      if (is_cut) brings *= (end - begin) / length;
+      if (is_near && lamp_samples_ > 0) {
+        const EquiAngular near(ray, centre, begin, end);
+        const double middle = middles_[i] - t0;
+        brings *= (height2 + middle * middle) * near.mean_inverse_square(begin, end);
       }
       if (brings > 0)
-        chances_.push_back(
-            {i, static_cast<int>(l), begin, end, brings, end - begin < b - a, is_near});
+        chances_.push_back({shell.index, static_cast<int>(l), begin, end, brings, is_cut, is_near});
     }
   }
 }
 
 // Evenly along the running sum of what is drawn by.
-void MediumSource::add_scattering(const MarchedShells& marcher, const Ray& ray,
-                                  std::span<const double> boundaries,
-                                  std::span<const double> jitter, RandomStream& random) {
+void MediumSource::add_scattering(const MarchedShells& marched, const Ray& ray,
+                                  std::span<const double> boundaries, const ShellJitter& jitter,
+                                  RandomStream& random) {
   if (lamp_samples_ == 0 || chances_.size() <= static_cast<std::size_t>(lamp_samples_)) {
-    for (const Chance& c : chances_) ask(marcher, ray, c, jitter[c.shell], 1, random);
+    for (const Chance& c : chances_) ask(marched, ray, c, jitter.at(c.shell), 1, random);
     return;
   }
   const auto inverse_t = [&](const Chance& c) {
@@ -140,22 +135,20 @@ void MediumSource::add_scattering(const MarchedShells& marcher, const Ray& ray,
     const double share = c.brings * (1 + distance * inverse_t(c));
     int times = 0;
     for (running += share; next < running; next += spacing) ++times;
-    if (times > 0) ask(marcher, ray, c, jitter[c.shell], times * spacing / share, random);
+    if (times > 0) ask(marched, ray, c, jitter.at(c.shell), times * spacing / share, random);
   }
 }
 
 // Where volumes overlap one of them is chosen by how much it scatters.
-void MediumSource::ask(const MarchedShells& marcher, const Ray& ray, const Chance& chance,
+void MediumSource::ask(const MarchedShells& marched, const Ray& ray, const Chance& chance,
                        double jitter, double factor, RandomStream& random) {
   const World& world = lighting_.world();
   const auto& volumes = world.medium().volumes();
   shares_.clear();
   double sum = 0;
   for (std::size_t i = 0; i < volumes.size(); ++i)
-    shares_.push_back(sum += volumes[i].scatters()
-                                 ? mean_component(volumes[i].sigma_s) *
-                                       marcher.shell(static_cast<int>(i), chance.shell).integral
-                                 : 0);
+    shares_.push_back(sum +=
+                      mean_sigma_s_[i] * marched.shell(static_cast<int>(i), chance.shell).integral);
   std::size_t chosen = 0;
   double share = 1;
   if (volumes.size() > 1) {
@@ -166,10 +159,10 @@ void MediumSource::ask(const MarchedShells& marcher, const Ray& ray, const Chanc
   }
   const int v = static_cast<int>(chosen);
   const Volume& volume = volumes[chosen];
-  const ShellDensity& density = marcher.shell(v, chance.shell);
+  const ShellDensity density = marched.shell(v, chance.shell);
   const Light& light = *world.lights()[static_cast<std::size_t>(chance.light)];
   const Vec2d u = lamp_point(chance.light, random);
-  const RgbD dimming = shell_transmittance(marcher, chance.shell) * (factor / share);
+  const RgbD dimming = marched.transmittance(chance.shell) * (factor / share);
   Vec3d p = ray.at(density.t_sample);
   double integral = density.integral;
   if (chance.is_near || chance.is_cut) {
@@ -186,7 +179,9 @@ void MediumSource::ask(const MarchedShells& marcher, const Ray& ray, const Chanc
   const RgbD strength = dimming * volume.sigma_s_at(p) * integral;
   const LightSample sample = light.sample(p, u);
   if (is_black(sample.weight) || is_black(strength)) return;
-  pending_.push_back({chance.shell, chance.light, v, sample, p, strength * sample.weight});
+  pending_.push_back(
+      {lights_.size(), chance.light, v, sample, p, -ray.direction, strength * sample.weight});
+  lights_.push_back({MediumLight::Kind::Direct, chance.shell, {}, {}});
 }
 
 void MediumSource::look_along(const Vec3d& w) {
@@ -213,9 +208,9 @@ void MediumSource::look_along(const Vec3d& w) {
 }
 
 // Drawn evenly along the running sum of what stretches scatter.
-void MediumSource::add_scattered_again(const MarchedShells& marcher, const Ray& ray,
+void MediumSource::add_scattered_again(const MarchedShells& marched, const Ray& ray,
                                        RandomStream& random) {
-  stretches(marcher, ray, stretches_);
+  stretches(marched, ray, stretches_);
   double sum = 0;
   for (const MediumStretch& s : stretches_) sum += mean_component(s.weight);
   const double asked = std::max(1.0, std::ceil(most_asked_ * std::min(1.0, sum)));
@@ -244,26 +239,26 @@ void MediumSource::add_scattered_again(const MediumStretch& stretch, const Ray& 
   const RgbD strength = stretch.weight * factor;
   const bool is_even = volume.phase.is_isotropic();
   const RayWeights& w = weights_[stretch.volume];
-  ShellLight& shell = shells_[stretch.shell];
-  shell.rescattered += strength * scattered_->dot(p, std::span(w.value.data(), is_even ? 1 : all));
+  const RgbD light = strength * scattered_->dot(p, std::span(w.value.data(), is_even ? 1 : all));
+  lights_.push_back({MediumLight::Kind::Rescattered, stretch.shell, light, {}});
   if (!directional_ || is_even || all == 1) return;
   // d_w Q with its sign turned, as for light straight from lights.
   const auto slope = [&](const Harmonics& weights) {
     return scattered_->dot_signed(p, std::span(weights.data(), all));
   };
-  shell.directional -=
+  lights_.back().directional -=
       outer(strength * slope(w.along_u), across_.u) + outer(strength * slope(w.along_v), across_.v);
 }
 
-void MediumSource::stretches(const MarchedShells& marcher, const Ray& ray,
+void MediumSource::stretches(const MarchedShells& marched, const Ray& ray,
                              std::vector<MediumStretch>& stretches) const {
   const auto& volumes = lighting_.world().medium().volumes();
   stretches.clear();
-  for (int i = 0; i < marcher.shell_count(); ++i)
+  for (int i = 0; i < marched.shell_count(); ++i)
     for (std::size_t v = 0; v < volumes.size(); ++v) {
-      const ShellDensity& density = marcher.shell(static_cast<int>(v), i);
+      const ShellDensity density = marched.shell(static_cast<int>(v), i);
       if (!volumes[v].scatters() || !(density.integral > 0)) continue;
-      const RgbD weight = shell_transmittance(marcher, i) *
+      const RgbD weight = marched.transmittance(i) *
                           volumes[v].sigma_s_at(ray.at(density.t_sample)) * density.integral;
       if (!is_black(weight))
         stretches.push_back({i, static_cast<int>(v), density.t_sample, weight});
@@ -284,47 +279,62 @@ RgbD MediumSource::scattered_again(const Vec3d& p, const Vec3d& w) const {
   return sum;
 }
 
-const std::vector<ShellLight>& MediumSource::shells(const MarchedShells& marcher, const Ray& ray,
-                                                    std::span<const double> boundaries,
-                                                    double t_end, std::span<const double> jitter,
-                                                    RandomStream& random, Counters& counters) {
-  const auto& volumes = lighting_.world().medium().volumes();
-  const int n = marcher.shell_count();
-  shells_.assign(n, ShellLight());
+void MediumSource::begin() {
+  lights_.clear();
+  ray_ends_.assign(1, 0);
   pending_.clear();
-  if (scattered_) look_along(ray.direction);
+}
+
+int MediumSource::add(const MarchedShells& marched, const Ray& ray,
+                      std::span<const double> boundaries, double t_end, const ShellJitter& jitter,
+                      RandomStream& random) {
   if (effects_.scattering) {
-    find_chances(marcher, ray, boundaries, t_end);
-    add_scattering(marcher, ray, boundaries, jitter, random);
+    find_chances(marched, ray, boundaries, t_end);
+    add_scattering(marched, ray, boundaries, jitter, random);
   }
-  for (int i = 0; effects_.emission && i < n; ++i) {
+  if (effects_.emission) add_emission(marched, ray, boundaries, t_end, jitter);
+  if (scattered_) {
+    look_along(ray.direction);
+    add_scattered_again(marched, ray, random);
+  }
+  ray_ends_.push_back(lights_.size());
+  return static_cast<int>(ray_ends_.size()) - 2;
+}
+
+void MediumSource::add_emission(const MarchedShells& marched, const Ray& ray,
+                                std::span<const double> boundaries, double t_end,
+                                const ShellJitter& jitter) {
+  const auto& volumes = lighting_.world().medium().volumes();
+  for (int i = 0; i < marched.shell_count(); ++i) {
     const double a = boundaries[i], b = std::min(boundaries[i + 1], t_end);
-    const RgbD dimming = shell_transmittance(marcher, i);
+    RgbD light;
     for (std::size_t v = 0; v < volumes.size(); ++v) {
       const Volume& volume = volumes[v];
-      const ShellDensity& density = marcher.shell(static_cast<int>(v), i);
       if (!volume.emits()) continue;
       if (volume.emission.mode == Emission::Mode::Grid) {
         // Fire without smoke glows too: drawn evenly, not by density.
-        shells_[i].emitted +=
-            dimming * volume.emission_at(ray.at(a + jitter[i] * (b - a))) * (b - a);
-      } else if (density.integral > 0) {
-        const Vec3d p = ray.at(density.t_sample);
-        const double rho = volume.density_at(p);
-        if (rho > 0)
-          shells_[i].emitted += dimming * volume.emission_at(p) * (density.integral / rho);
+        light += volume.emission_at(ray.at(a + jitter.at(i) * (b - a))) * (b - a);
+        continue;
       }
+      const ShellDensity density = marched.shell(static_cast<int>(v), i);
+      if (!(density.integral > 0)) continue;
+      const Vec3d p = ray.at(density.t_sample);
+      const double rho = volume.density_at(p);
+      if (rho > 0) light += volume.emission_at(p) * (density.integral / rho);
     }
+    if (!is_black(light))
+      lights_.push_back({MediumLight::Kind::Emitted, i, light * marched.transmittance(i), {}});
   }
-  if (scattered_) add_scattered_again(marcher, ray, random);
-  if (pending_.empty()) return shells_;
+}
 
+void MediumSource::finish(Counters& counters) {
+  if (pending_.empty()) return;
+  const auto& volumes = lighting_.world().medium().volumes();
   shadow_rays_.clear();
   for (const Pending& p : pending_) shadow_rays_.push_back(shadow_ray(p.position, p.sample));
   occluded_.resize(pending_.size());
   lighting_.world().tracer().is_occluded(shadow_rays_, occluded_);
   counters.medium_shadow_rays += pending_.size();
-  const Vec3d towards_receiver = -ray.direction;
   for (std::size_t i = 0; i < pending_.size(); ++i) {
     if (occluded_[i]) continue;
     const Pending& p = pending_[i];
@@ -332,12 +342,11 @@ const std::vector<ShellLight>& MediumSource::shells(const MarchedShells& marcher
         p.strength * lighting_.transmittance(p.light, p.sample, p.position, counters);
     const HenyeyGreenstein& phase = volumes[p.volume].phase;
     const Vec3d travel = -p.sample.direction;
-    const PhaseValue value = phase.eval_with_derivative(travel, towards_receiver);
-    shells_[p.shell].scattered += light * value.p;
+    const PhaseValue value = phase.eval_with_derivative(travel, p.towards_receiver);
+    lights_[p.entry].light = light * value.p;
     if (directional_ && !phase.is_isotropic())
-      shells_[p.shell].directional += outer(light * value.derivative, travel);
+      lights_[p.entry].directional = outer(light * value.derivative, travel);
   }
-  return shells_;
 }
 
 RgbD MediumSource::unshadowed(const Vec3d& p, const Vec3d& w, int light, const Vec2d& u,

@@ -2,6 +2,8 @@
 // lights, light that has scattered before, and the medium's own glow.
 #pragma once
 
+#include <cmath>
+#include <span>
 #include <vector>
 
 #include "core/random.h"
@@ -12,15 +14,29 @@
 
 namespace brume {
 
-// One shell's light, integrated over the shell and dimmed back to where the ray starts.
-struct ShellLight {
-  RgbD scattered;    // Straight from lights.
-  RgbD rescattered;  // Had scattered before, or met a surface.
-  RgbD emitted;
-  // sum of (dp/dc / p) * scattered * e over samples, e the way the light travels: the directional
-  // term before its 1/t (gradients.md 3, T4). Only where asked for, and for anisotropic media.
+// Some of what a ray's medium sends, dimmed back to where the ray starts.
+struct MediumLight {
+  enum class Kind : std::uint8_t {
+    Direct,       // Straight from lights.
+    Rescattered,  // Had scattered before, or met a surface.
+    Emitted
+  };
+  Kind kind = Kind::Direct;
+  int shell = 0;
+  RgbD light;
+  // sum of (dp/dc / p) * light * e over samples, e the way the light travels: the directional term
+  // before its 1/t (gradients.md 3, T4). Only where asked for, and for anisotropic media.
   RgbGradient directional;
-  RgbD total() const { return scattered + rescattered + emitted; }
+};
+
+// Where rays look in their shells, in [0, 1): even over rays whose turns are.
+struct ShellJitter {
+  std::span<const float> shifts;  // By shell.
+  double turn = 0;
+  double at(int shell) const {
+    const double u = shifts[static_cast<std::size_t>(shell)] + turn;
+    return u - std::floor(u);
+  }
 };
 
 // What a volume scatters of a stretch of a ray, without its phase function.
@@ -50,7 +66,7 @@ class SourceAtPoint {
   int order_ = 0;
 };
 
-// Source terms along a marched ray. Scratch memory of one thread.
+// Source terms along marched rays. Scratch memory of one thread.
 class MediumSource {
  public:
   // Without `directional` its terms are left at 0, and cost nothing.
@@ -70,15 +86,21 @@ class MediumSource {
   // Points on each light are spread evenly over all rays from then on, by `random`.
   void use_lamp_samples(int most, bool near, RandomStream random);
 
-  // Light from each shell of `marcher`, which has just marched `ray` through `boundaries` up to
-  // t_end. `random` gives area lights their points; visibility is traced in packets.
-  const std::vector<ShellLight>& shells(const MarchedShells& marcher, const Ray& ray,
-                                        std::span<const double> boundaries, double t_end,
-                                        std::span<const double> jitter, RandomStream& random,
-                                        Counters& counters);
+  // Rays one by one, then what they all see: their visibility is traced in packets. add() returns
+  // the ray's number. `marched` is that ray's march through `boundaries` up to t_end; `random`
+  // gives area lights their points.
+  void begin();
+  int add(const MarchedShells& marched, const Ray& ray, std::span<const double> boundaries,
+          double t_end, const ShellJitter& jitter, RandomStream& random);
+  void finish(Counters& counters);
+  // Of one ray, in no order.
+  std::span<const MediumLight> light(int ray) const {
+    const auto r = static_cast<std::size_t>(ray);
+    return {lights_.data() + ray_ends_[r], ray_ends_[r + 1] - ray_ends_[r]};
+  }
 
   // Of each shell and volume of `marcher` that scatters.
-  void stretches(const MarchedShells& marcher, const Ray& ray,
+  void stretches(const MarchedShells& marched, const Ray& ray,
                  std::vector<MediumStretch>& stretches) const;
 
   // Area lights with `samples` points. Visibility is traced.
@@ -94,9 +116,10 @@ class MediumSource {
 
  private:
   struct Pending {
-    int shell, light, volume;
+    std::size_t entry;  // Of lights_.
+    int light, volume;
     LightSample sample;
-    Vec3d position{0.0};
+    Vec3d position{0.0}, towards_receiver{0.0};
     RgbD strength;  // Everything but phase, transmittance to the light and visibility.
   };
   // One shell and one light: what light straight from there is asked for.
@@ -107,13 +130,15 @@ class MediumSource {
     bool is_cut;        // It does not shine in all of the shell.
     bool is_near;       // Its 1/d^2 decides where in the shell the light comes from.
   };
-  void find_chances(const MarchedShells& marcher, const Ray& ray,
+  void find_chances(const MarchedShells& marched, const Ray& ray,
                     std::span<const double> boundaries, double t_end);
-  void add_scattering(const MarchedShells& marcher, const Ray& ray,
-                      std::span<const double> boundaries, std::span<const double> jitter,
+  void add_scattering(const MarchedShells& marched, const Ray& ray,
+                      std::span<const double> boundaries, const ShellJitter& jitter,
                       RandomStream& random);
+  void add_emission(const MarchedShells& marched, const Ray& ray,
+                    std::span<const double> boundaries, double t_end, const ShellJitter& jitter);
   Vec2d lamp_point(int light, RandomStream& random);
-  void ask(const MarchedShells& marcher, const Ray& ray, const Chance& chance, double jitter,
+  void ask(const MarchedShells& marched, const Ray& ray, const Chance& chance, double jitter,
            double factor, RandomStream& random);
 
   // Weights of moments for one ray, by volume: of the value, and of its derivatives along two axes
@@ -122,7 +147,7 @@ class MediumSource {
     Harmonics value, along_u, along_v;
   };
   void look_along(const Vec3d& w);
-  void add_scattered_again(const MarchedShells& marcher, const Ray& ray, RandomStream& random);
+  void add_scattered_again(const MarchedShells& marched, const Ray& ray, RandomStream& random);
   void add_scattered_again(const MediumStretch& stretch, const Ray& ray, double factor);
 
   const Lighting& lighting_;
@@ -139,9 +164,16 @@ class MediumSource {
   std::vector<MediumStretch> stretches_;
   std::vector<RayWeights> weights_;  // By volume.
   Frame across_{Vec3d(0.0, 0.0, 1.0)};
-  std::vector<ShellLight> shells_;
+  std::vector<MediumLight> lights_;    // Ray after ray.
+  std::vector<std::size_t> ray_ends_;  // In lights_, after a 0.
   std::vector<Pending> pending_;
-  std::vector<Interval> lit_;  // Of the ray, by light.
+  struct ScatteringShell {
+    int index;
+    double begin, end, scatters;  // About how much of it reaches the ray's origin.
+  };
+  std::vector<double> mean_sigma_s_;  // By volume.
+  std::vector<ScatteringShell> scattering_;
+  std::vector<double> middles_, brightness_;  // Of theirs.
   std::vector<Chance> chances_;
   std::vector<double> shares_;  // Running sums over volumes, for choosing one.
   std::vector<ShadowRay> shadow_rays_;

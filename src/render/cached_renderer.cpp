@@ -64,6 +64,7 @@ class PixelRenderer {
   const HitLight& below_;
   PictureIrradiance irradiance_;
   std::vector<double> boundaries_, jitter_;
+  std::vector<float> shifts_;  // The same.
 };
 
 // Single scattering and emission along the ray, stratified in shells; returns its transmittance.
@@ -88,13 +89,24 @@ RgbD PixelRenderer::march_eye_ray(const Ray& ray, double t_end, const SamplePoin
       boundaries_.push_back(inside.begin + (end - inside.begin) * i / options_.eye_shells);
     for (int i = 0; i < options_.eye_shells; ++i)
       jitter_.push_back(points.square(kShell + static_cast<std::uint32_t>(i)).x);
+    shifts_.assign(jitter_.begin(), jitter_.end());
     marcher_.march(ray, boundaries_, t_end, jitter_, false, march);
-    for (const ShellLight& shell :
-         source_.shells(marcher_, ray, boundaries_, t_end, jitter_, random, counters)) {
-      result[Layer::VolumeDirect] += shell.scattered;
-      result[Layer::VolumeIndirect] += shell.rescattered;
-      result[Layer::VolumeEmission] += shell.emitted;
-    }
+    const MarchedShells marched = marcher_.view();
+    source_.begin();
+    const int added =
+        source_.add(marched, ray, boundaries_, t_end, {shifts_}, random);
+    source_.finish(counters);
+    for (const MediumLight& part : source_.light(added))
+      switch (part.kind) {
+        case MediumLight::Kind::Direct:
+          result[Layer::VolumeDirect] += part.light;
+          break;
+        case MediumLight::Kind::Rescattered:
+          result[Layer::VolumeIndirect] += part.light;
+          break;
+        case MediumLight::Kind::Emitted:
+          result[Layer::VolumeEmission] += part.light;
+      }
     reaching = exp_neg(marcher_.tau(marcher_.shell_count()));
   }
   counters.march_rays += march.rays;

@@ -87,13 +87,19 @@ class QuadShape {
     }
     return emitter.to_area_point(p, corner_ + edge_u_ * u.x + edge_v_ * u.y, normal_, area_);
   }
-  double brightness_at(const Emitter& emitter, const Vec3d& p) const {
-    const Vec3d d = p - centre();
-    const double height = normal_.dot(d), distance2 = d.length2();
-    if (!(area_ > 0) || !emitter.faces(height)) return 0;
-    // From within a few of its widths it is nowhere seen as edge-on as its centre is.
-    const double cosine = std::sqrt((height * height + 0.1 * area_) / (distance2 + 0.1 * area_));
-    return cosine * brightness_of(luminance(emitter.radiance), area_, distance2);
+  void brightness_along(const Emitter& emitter, const Ray& ray, std::span<const double> t,
+                        std::span<double> brightness) const {
+    const Vec3d from = ray.origin - centre();
+    const double radiance = luminance(emitter.radiance), near2 = 0.1 * area_;
+    for (std::size_t i = 0; i < t.size(); ++i) {
+      const Vec3d d = from + ray.direction * t[i];
+      const double height = normal_.dot(d), distance2 = d.length2();
+      // From within a few of its widths it is nowhere seen as edge-on as its centre is.
+      const double cosine = std::sqrt((height * height + near2) / (distance2 + near2));
+      brightness[i] = area_ > 0 && emitter.faces(height)
+                          ? cosine * brightness_of(radiance, area_, distance2)
+                          : 0;
+    }
   }
   double pdf(const Emitter& emitter, const Vec3d& p, const Vec3d& direction,
              double distance) const {
@@ -140,7 +146,10 @@ class ReadyQuadLight final : public Light {
   LightSample sample(const Vec3d& p, const Vec2d& u) const override {
     return shape_.sample(emitter_, p, u);
   }
-  double brightness_at(const Vec3d& p) const override { return shape_.brightness_at(emitter_, p); }
+  void brightness_along(const Ray& ray, std::span<const double> t,
+                        std::span<double> brightness) const override {
+    shape_.brightness_along(emitter_, ray, t, brightness);
+  }
   double pdf(const Vec3d& p, const Vec3d& direction, double distance, const Vec3d&) const override {
     return shape_.pdf(emitter_, p, direction, distance);
   }
@@ -185,10 +194,14 @@ class ReadyMeshLight final : public Light {
     return at ? emitter_.to_area_point(p, at->position, at->normal, area_) : LightSample{};
   }
   // Its triangles may face any way and lie anywhere in its box.
-  double brightness_at(const Vec3d& p) const override {
-    if (!(area_ > 0)) return 0;
-    const double radius2 = 0.25 * bounds_.size().length2();
-    return brightness_of(luminance(emitter_.radiance), area_, (p - centre_).length2() + radius2);
+  void brightness_along(const Ray& ray, std::span<const double> t,
+                        std::span<double> brightness) const override {
+    const Vec3d from = ray.origin - centre_;
+    const double radius2 = area_ > 0 ? 0.25 * bounds_.size().length2() : 0;
+    for (std::size_t i = 0; i < t.size(); ++i)
+      brightness[i] = area_ > 0 ? brightness_of(luminance(emitter_.radiance), area_,
+                                                (from + ray.direction * t[i]).length2() + radius2)
+                                : 0;
   }
   double pdf(const Vec3d&, const Vec3d& direction, double distance,
              const Vec3d& light_normal) const override {

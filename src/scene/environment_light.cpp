@@ -19,7 +19,10 @@ class ConstantEnvironment final : public Light {
   }
   double pdf(const Vec3d&, const Vec3d&, double, const Vec3d&) const override { return kInvPi / 4; }
   RgbD radiance(const Vec3d&) const override { return radiance_; }
-  double brightness_at(const Vec3d&) const override { return 4 * kPi * luminance(radiance_); }
+  void brightness_along(const Ray&, std::span<const double>,
+                        std::span<double> brightness) const override {
+    std::fill(brightness.begin(), brightness.end(), 4 * kPi * luminance(radiance_));
+  }
   double importance() const override { return kPi * luminance(radiance_); }
   Vec3d centre() const override { return Vec3d(0.0); }
   Box3d bounds() const override { return {}; }
@@ -83,7 +86,10 @@ class ImageEnvironment final : public Light {
     return (RgbD(pixel(x0, y0)) * (1 - fx) + RgbD(pixel(x0 + 1, y0)) * fx) * (1 - fy) +
            (RgbD(pixel(x0, y0 + 1)) * (1 - fx) + RgbD(pixel(x0 + 1, y0 + 1)) * fx) * fy;
   }
-  double brightness_at(const Vec3d&) const override { return row_cdf_.back(); }
+  void brightness_along(const Ray&, std::span<const double>,
+                        std::span<double> brightness) const override {
+    std::fill(brightness.begin(), brightness.end(), row_cdf_.back());
+  }
   double importance() const override { return row_cdf_.back() / 4; }
   Vec3d centre() const override { return Vec3d(0.0); }
   Box3d bounds() const override { return {}; }

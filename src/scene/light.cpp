@@ -20,6 +20,18 @@ ToPoint towards(const Vec3d& from, const Vec3d& to) {
   return {d / distance, distance};
 }
 
+// Intensity over the square of the distance, which is that from the ray's nearest point and along
+// it.
+void brightness_of_point(double intensity, const Vec3d& position, const Ray& ray,
+                         std::span<const double> t, std::span<double> brightness) {
+  const double t0 = (position - ray.origin).dot(ray.direction);
+  const double height2 = (position - ray.at(t0)).length2();
+  for (std::size_t i = 0; i < t.size(); ++i) {
+    const double d2 = height2 + (t[i] - t0) * (t[i] - t0);
+    brightness[i] = d2 > 0 ? intensity / d2 : 0;
+  }
+}
+
 class ReadyPointLight final : public Light {
  public:
   ReadyPointLight(const PointLight& d, double unit)
@@ -32,9 +44,9 @@ class ReadyPointLight final : public Light {
     const double metres = to.distance * unit_;
     return {to.direction, to.distance, intensity_ / (metres * metres), 0};
   }
-  double brightness_at(const Vec3d& p) const override {
-    const double d2 = (p - position_).length2() * unit_ * unit_;
-    return d2 > 0 ? luminance(intensity_) / d2 : 0;
+  void brightness_along(const Ray& ray, std::span<const double> t,
+                        std::span<double> brightness) const override {
+    brightness_of_point(luminance(intensity_) / (unit_ * unit_), position_, ray, t, brightness);
   }
   double pdf(const Vec3d&, const Vec3d&, double, const Vec3d&) const override { return 0; }
   std::optional<Ray> emit(const Vec2d&, const Vec2d& way) const override {
@@ -73,10 +85,9 @@ class ReadySpotLight final : public Light {
     const double falloff = smoothstep(-direction_.dot(to.direction));
     return {to.direction, to.distance, intensity_ * (falloff / (metres * metres)), 0};
   }
-  double brightness_at(const Vec3d& p) const override {
-    // The cone is lit_stretch()'s.
-    const double d2 = (p - position_).length2() * unit_ * unit_;
-    return d2 > 0 ? luminance(intensity_) / d2 : 0;
+  void brightness_along(const Ray& ray, std::span<const double> t,
+                        std::span<double> brightness) const override {
+    brightness_of_point(luminance(intensity_) / (unit_ * unit_), position_, ray, t, brightness);
   }
   Interval lit_stretch(const Ray& ray) const override;
   LightCone cone() const override { return {direction_, cos_outer_}; }
@@ -141,7 +152,10 @@ class ReadyDirectionalLight final : public Light {
     return {-direction_, kInfinity, irradiance_, 0};
   }
   double pdf(const Vec3d&, const Vec3d&, double, const Vec3d&) const override { return 0; }
-  double brightness_at(const Vec3d&) const override { return luminance(irradiance_); }
+  void brightness_along(const Ray&, std::span<const double>,
+                        std::span<double> brightness) const override {
+    std::fill(brightness.begin(), brightness.end(), luminance(irradiance_));
+  }
   double importance() const override { return luminance(irradiance_); }
   Vec3d centre() const override { return direction_; }
   Box3d bounds() const override { return {}; }

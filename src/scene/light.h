@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <span>
 #include <variant>
 #include <vector>
 
@@ -68,9 +69,11 @@ class Light {
   virtual LightSample sample(const Vec3d& p, const Vec2d& u) const = 0;
   // The stretch of a ray outside which sample() gives nothing.
   virtual Interval lit_stretch(const Ray& ray) const;
-  // About the luminance of what sample() would bring to `p`, were nothing in its way: for choosing
-  // between places and lights without drawing a sample of each. 0 only where sample() gives nothing.
-  virtual double brightness_at(const Vec3d& p) const = 0;
+  // About the luminance of what sample() would bring to each `t` along a ray, were nothing in its way:
+  // for choosing between places and lights without drawing a sample of each. 0 only where sample()
+  // gives nothing; within lit_stretch().
+  virtual void brightness_along(const Ray& ray, std::span<const double> t,
+                                std::span<double> brightness) const = 0;
   // Where one that is at a point sends its light.
   virtual LightCone cone() const { return {}; }
   // Of sample() giving `direction`, per solid angle; 0 for delta lights. `distance` is to the point

@@ -18,9 +18,13 @@ double solve_segment(double mean, double change, double part) {
 }  // namespace
 
 struct ShellMarcher::Scratch {
-  std::vector<double> cuts;  // The same in a grid's parameters.
+  std::vector<double> edges;  // Of the shells that are marched, the last one cut at t_end.
+  std::vector<double> cuts;   // The same in a grid's parameters.
   std::vector<Span> spans;
   Segments segments{64};
+  // What view() shows, its rows as long as stride_.
+  std::vector<float> integral, sample, transmittance, end;
+  std::array<std::vector<float>, 3> gradient, moment;
 };
 
 ShellMarcher::ShellMarcher(const Medium& medium, MarchOptions options)
@@ -41,7 +45,7 @@ void ShellMarcher::march_grid(int volume, const Ray& ray, std::span<const double
                               MarchCounters& counters) {
   const Volume& v = medium_->volumes()[volume];
   const BrickGrid& grid = *v.density;
-  const auto entry = enter(grid, ray, {edges_.front(), edges_.back()});
+  const auto entry = enter(grid, ray, {scratch_->edges.front(), scratch_->edges.back()});
   if (!entry) return;
   ++counters.rays;
 
@@ -49,7 +53,7 @@ void ShellMarcher::march_grid(int volume, const Ray& ray, std::span<const double
   std::vector<Span>& spans = scratch_->spans;
   const double base = entry->ray.base;
   cuts.clear();
-  for (const double e : edges_) cuts.push_back(e - base);
+  for (const double e : scratch_->edges) cuts.push_back(e - base);
   spans.clear();
   std::size_t cut = 1;
   walk_bricks(grid, *entry, [&](std::int32_t top, const Vec3i& corner, double begin, double end) {
@@ -110,7 +114,7 @@ void ShellMarcher::march_grid(int volume, const Ray& ray, std::span<const double
       const double part = s.length[at] > 0 ? std::max(0.0, target - before) / s.length[at] : 0;
       const double t =
           base + s.begin[at] + s.length[at] * solve_segment(s.mean[at], s.change[at], part);
-      shells[shell].t_sample = std::clamp(t, edges_[shell], edges_[shell + 1]);
+      shells[shell].t_sample = std::clamp(t, scratch_->edges[shell], scratch_->edges[shell + 1]);
       depth += in_shell;
     }
     add_depth(tau_[shell + 1], sigma_t, depth);
@@ -123,19 +127,98 @@ void ShellMarcher::march_grid(int volume, const Ray& ray, std::span<const double
   }
 }
 
+void ShellMarcher::march_homogeneous(int volume, const Ray& ray, std::span<const double> jitter,
+                                     MarchCounters& counters) {
+  const Volume& v = medium_->volumes()[volume];
+  const std::vector<double>& edges = scratch_->edges;
+  const Interval inside = clip_homogeneous(v, ray, {edges.front(), edges.back()});
+  if (inside.is_empty()) return;
+  ++counters.rays;
+  const RgbD sigma_t = v.sigma_t();
+  const double mean_sigma_t = mean_component(sigma_t);
+  double depth = 0;
+  for (int shell = 0; shell < shell_count_; ++shell) {
+    const double begin = std::max(edges[shell], inside.begin);
+    const double length = std::min(edges[shell + 1], inside.end) - begin;
+    if (length > 0) {
+      ++counters.segments;
+      depth += length;
+      shells_[volume * stride_ + shell] = {
+          length, begin + length * draw_depth_fraction(jitter[shell], mean_sigma_t * length)};
+    }
+    add_depth(tau_[shell + 1], sigma_t, depth);
+  }
+}
+
 void ShellMarcher::march(const Ray& ray, std::span<const double> boundaries, double t_end,
                          std::span<const double> jitter, bool want_gradients,
                          MarchCounters& counters) {
-  if (!begin(*medium_, boundaries, t_end, jitter, want_gradients)) return;
-  const auto& volumes = medium_->volumes();
-  for (std::size_t v = 0; v < volumes.size(); ++v) {
-    if (volumes[v].is_homogeneous())
-      march_homogeneous(volumes[v], int(v), ray, jitter, counters);
+  const std::size_t volumes = medium_->volumes().size();
+  stride_ = boundaries.size();
+  shells_.assign(volumes * stride_, ShellDensity{});
+  tau_.assign(stride_, RgbD());
+  has_gradients_ = want_gradients;
+  if (want_gradients) {
+    i0_.assign(volumes * stride_, Vec3d(0.0));
+    i1_.assign(volumes * stride_, Vec3d(0.0));
+  }
+  std::vector<double>& edges = scratch_->edges;
+  edges.clear();
+  for (std::size_t i = 0; i + 1 < boundaries.size() && boundaries[i] < t_end; ++i)
+    edges.push_back(boundaries[i]);
+  shell_count_ = int(edges.size());
+  if (shell_count_ == 0) return;
+  edges.push_back(std::min(boundaries[shell_count_], t_end));
+
+  for (std::size_t v = 0; v < volumes; ++v) {
+    // Where a volume has no density its sample is as good anywhere.
+    for (int s = 0; s < shell_count_; ++s)
+      shells_[v * stride_ + s].t_sample = edges[s] + (edges[s + 1] - edges[s]) * jitter[s];
+    if (medium_->volumes()[v].is_homogeneous())
+      march_homogeneous(int(v), ray, jitter, counters);
     else if (want_gradients)
       march_grid<true>(int(v), ray, jitter, counters);
     else
       march_grid<false>(int(v), ray, jitter, counters);
   }
+}
+
+MarchedShells ShellMarcher::view() {
+  Scratch& s = *scratch_;
+  MarchedShells view;
+  view.shell_count_ = shell_count_;
+  view.rows_ = int(stride_);
+  view.channel_count_ = 3;
+  s.integral.clear();
+  s.sample.clear();
+  for (const ShellDensity& shell : shells_) {
+    s.integral.push_back(float(shell.integral));
+    s.sample.push_back(float(shell.t_sample));
+  }
+  s.transmittance.assign(3 * stride_, 0);
+  s.end.assign(3 * stride_, 0);
+  for (int i = 0; i < shell_count_; ++i) {
+    // exp(-tau) (1 - exp(-depth)) / depth: exact for a source in proportion to density.
+    const RgbD depth = tau_[i + 1] - tau_[i], left = exp_neg(tau_[i]);
+    for (int c = 0; c < 3; ++c)
+      s.transmittance[c * stride_ + i] = float(one_minus_exp_over(depth[c]) * left[c]);
+  }
+  const RgbD end = exp_neg(tau_[shell_count_]);
+  for (int c = 0; c < 3; ++c) s.end[c * stride_] = float(end[c]);
+  view.integral_ = s.integral.data();
+  view.sample_ = s.sample.data();
+  view.transmittance_ = s.transmittance.data();
+  view.end_ = s.end.data();
+  if (!has_gradients_) return view;
+  for (int a = 0; a < 3; ++a) {
+    s.gradient[a].clear();
+    s.moment[a].clear();
+    for (const Vec3d& g : i0_) s.gradient[a].push_back(float(g[a]));
+    for (const Vec3d& m : i1_) s.moment[a].push_back(float(m[a]));
+    view.gradient_[a] = s.gradient[a].data();
+    view.moment_[a] = s.moment[a].data();
+  }
+  return view;
 }
 
 }  // namespace brume

@@ -1,4 +1,4 @@
-// Shells drawn to ask for light that scattered before stand for all of them.
+// What is drawn to ask for light stands for all that could be asked.
 #include "gather/medium_source.h"
 
 #include <gtest/gtest.h>
@@ -10,8 +10,13 @@ namespace {
 
 constexpr int kShells = 24;
 
-// What one ray through smoke and coloured haze sends, without light straight from lights.
-class ScatteredAgain : public testing::Test {
+struct ShellLight {
+  RgbD direct, rescattered;
+  RgbGradient directional;
+};
+
+// What one ray through smoke and coloured haze sends.
+class OneRay : public testing::Test {
  protected:
   static Scene scene() {
     Scene s = test::smoky_room();
@@ -19,7 +24,7 @@ class ScatteredAgain : public testing::Test {
     return s;
   }
 
-  ScatteredAgain() : stage_(scene()), marcher_(stage_.world.medium(), {}) {
+  OneRay() : stage_(scene()), marcher_(stage_.world.medium(), {}) {
     scattered_ = stage_.bake(test::room_view(4, 4)).scattered;
     for (int i = 0; i <= kShells; ++i) boundaries_.push_back(kEnd * i / kShells);
     jitter_.assign(kShells, 0.4);
@@ -29,10 +34,19 @@ class ScatteredAgain : public testing::Test {
     effects_.scattering = false;
   }
 
-  const std::vector<ShellLight>& shells(MediumSource& source, std::uint64_t seed) {
+  std::vector<ShellLight> shells(MediumSource& source, std::uint64_t seed) {
     Counters counters;
     RandomStream random(random_key(seed));
-    return source.shells(marcher_, ray_, boundaries_, kEnd, jitter_, random, counters);
+    source.begin();
+    const int ray = source.add(marcher_.view(), ray_, boundaries_, kEnd, {shifts_}, random);
+    source.finish(counters);
+    std::vector<ShellLight> shells(kShells);
+    for (const MediumLight& part : source.light(ray)) {
+      ShellLight& shell = shells[static_cast<std::size_t>(part.shell)];
+      (part.kind == MediumLight::Kind::Direct ? shell.direct : shell.rescattered) += part.light;
+      shell.directional += part.directional;
+    }
+    return shells;
   }
 
   static constexpr double kEnd = 0.9;
@@ -42,6 +56,7 @@ class ScatteredAgain : public testing::Test {
   ShellMarcher marcher_;
   Ray ray_{{0.5, 0.5, 0.95}, Vec3d(0.1, -0.05, -1).normalized()};
   std::vector<double> boundaries_, jitter_;
+  const std::vector<float> shifts_ = std::vector<float>(kShells, 0.4f);
 };
 
 // Sums of independent samples and what they are off.
@@ -59,7 +74,7 @@ struct Mean {
   }
 };
 
-TEST_F(ScatteredAgain, DrawnShellsStandForAll) {
+TEST_F(OneRay, DrawnShellsStandForAll) {
   ASSERT_TRUE(scattered_);
   MediumSource all(stage_.lighting, effects_, true), drawn(stage_.lighting, effects_, true);
   all.use_scattered(scattered_.get());
@@ -75,7 +90,7 @@ TEST_F(ScatteredAgain, DrawnShellsStandForAll) {
   ASSERT_GT(true_sum.g, 0);
   int asked = 0;
   for (int seed = 0; seed < 4000; ++seed) {
-    const std::vector<ShellLight>& light = shells(drawn, seed);
+    const std::vector<ShellLight> light = shells(drawn, seed);
     double of_ray = 0, slope_of_ray = 0;
     for (int i = 0; i < kShells; ++i) {
       green[i].add(light[i].rescattered.g);
@@ -95,13 +110,50 @@ TEST_F(ScatteredAgain, DrawnShellsStandForAll) {
 }
 
 // Then nothing is drawn.
-TEST_F(ScatteredAgain, AllAskWhereEnoughMay) {
+TEST_F(OneRay, AllAskWhereEnoughMay) {
   MediumSource all(stage_.lighting, effects_), many(stage_.lighting, effects_);
   all.use_scattered(scattered_.get());
   many.use_scattered(scattered_.get(), 1000);
   const std::vector<ShellLight> truth = shells(all, 1);
-  const std::vector<ShellLight>& light = shells(many, 2);
+  const std::vector<ShellLight> light = shells(many, 2);
   for (int i = 0; i < kShells; ++i) EXPECT_EQ(light[i].rescattered, truth[i].rescattered) << i;
+}
+
+// One sample of each light from each shell, over many points on the lights, against a few.
+TEST_F(OneRay, DrawnLampSamplesStandForAll) {
+  effects_.scattering = true;
+  for (const bool near : {false, true}) {
+    MediumSource all(stage_.lighting, effects_, true), drawn(stage_.lighting, effects_, true);
+    drawn.use_lamp_samples(3, near, RandomStream(random_key(9)));
+    Mean truth, sum, truth_near, sum_near, slope, true_slope;
+    for (int seed = 0; seed < 4000; ++seed) {
+      const auto add = [&](MediumSource& source, Mean& whole, Mean& over_distance, Mean& turn) {
+        double light = 0, near_light = 0, directional = 0;
+        const std::vector<ShellLight> of = shells(source, static_cast<std::uint64_t>(seed));
+        for (int i = 0; i < kShells; ++i) {
+          light += of[i].direct.g;
+          near_light += of[i].direct.g * 2 / (boundaries_[i] + boundaries_[i + 1]);
+          directional += of[i].directional.g.x;
+        }
+        whole.add(light);
+        over_distance.add(near_light);
+        turn.add(directional);
+      };
+      add(all, truth, truth_near, true_slope);
+      add(drawn, sum, sum_near, slope);
+    }
+    const auto expect_equal = [](const Mean& a, const Mean& b, const char* what) {
+      EXPECT_NEAR(a.value(), b.value(), 4 * std::hypot(a.error(), b.error())) << what;
+    };
+    expect_equal(sum, truth, "light");
+    expect_equal(sum_near, truth_near, "light over distance");
+    expect_equal(slope, true_slope, "change with direction");
+    EXPECT_GT(truth.value(), 0);
+    EXPECT_LT(sum.error(), 0.02 * truth.value());
+    if (near) {
+      EXPECT_LT(sum_near.error(), 0.02 * truth_near.value());
+    }
+  }
 }
 
 }  // namespace

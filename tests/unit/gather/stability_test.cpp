@@ -194,15 +194,18 @@ TEST(MediumSource, LightBesideTheRayIsIntegratedWithoutNoise) {
   MediumSource source(lit.lighting, lit.effects);
   for (const double u : {0.01, 0.5, 0.77}) {
     jitter.assign(64, u);
+    const std::vector<float> shifts(64, static_cast<float>(u));
     const Ray ray{{0, 0, 0}, {0, 0, 1}};
     MarchCounters march;
     marcher.march(ray, boundaries, kInfinity, jitter, false, march);
     Counters counters;
     RandomStream random(5);
     double sum = 0;
-    for (const ShellLight& shell :
-         source.shells(marcher, ray, boundaries, kInfinity, jitter, random, counters))
-      sum += shell.scattered.g;
+    source.begin();
+    const int added = source.add(marcher.view(), ray, boundaries, kInfinity, {shifts}, random);
+    source.finish(counters);
+    for (const MediumLight& part : source.light(added))
+      sum += part.light.g;
     EXPECT_NEAR(sum * 4 * kPi / kThin, 3140.569636, 1e-3 * 3140.569636) << u;
   }
 }

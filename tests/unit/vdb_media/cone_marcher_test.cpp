@@ -1,8 +1,12 @@
 #include "vdb_media/cone_marcher.h"
 
 #include <gtest/gtest.h>
+#include <hwy/targets.h>
+
+#include <cstring>
 
 #include "unit/vdb_media/march_cases.h"
+#include "vdb_media/brick_pyramid.h"
 
 namespace brume {
 namespace {
@@ -62,34 +66,56 @@ std::vector<double> shells_to(double end, int n) {
   return b;
 }
 
-// Means over even offsets of what a cone along one ray holds.
+// `count` rays along one line that look at places of their own, evenly.
+std::vector<ConeRay> cones(const Ray& ray, double end, int first, int count) {
+  std::vector<ConeRay> rays;
+  for (int k = first; k < count && int(rays.size()) < ConeMarcher::kRays; ++k) {
+    const double choice = k * (std::numbers::phi - 1);
+    rays.push_back(
+        {ray.direction, end, float((k + 0.5) / count), float(choice - std::floor(choice))});
+  }
+  return rays;
+}
+
+// Means over such rays.
 struct Means {
-  std::vector<double> depth;  // To the start of each shell, and to the end.
+  std::vector<double> integral;  // Of the first volume, by shell.
   Vec3d i0{0.0}, i1{0.0};
   double transmittance = 0;
-  std::uint64_t segments = 0;
+  std::vector<double>
+      reaching;  // What would reach the origin of a source of 1 / sigma_t, by shell.
+  double segments = 0;
 };
-Means over_offsets(const Medium& medium, const Ray& ray, const std::vector<double>& shells,
-                   double t_end, double width, int offsets) {
+Means mean_of(const Medium& medium, const Ray& ray, const std::vector<double>& shells, double t_end,
+              double width, int count) {
   ConeMarcher marcher(medium);
-  marcher.begin(ray.origin, shells, width);
-  const std::vector<double> jitter(shells.size(), 0.5);
+  const std::vector<float> shifts(shells.size() - 1, 0.25f);
+  marcher.begin(ray.origin, shells, width, shifts);
   Means m;
-  m.depth.assign(shells.size(), 0);
+  m.integral.assign(shells.size(), 0);
+  m.reaching.assign(shells.size(), 0);
   MarchCounters counters;
-  for (int k = 0; k < offsets; ++k) {
-    marcher.march(ray.direction, t_end, (k + 0.5) / offsets, jitter, true, counters);
-    const int n = marcher.shell_count();
-    for (int s = 0; s <= n; ++s) m.depth[static_cast<std::size_t>(s)] += marcher.tau(s).r / offsets;
-    m.transmittance += std::exp(-marcher.tau(n).r) / offsets;
-    m.i0 += marcher.grad_integral(0, n) / offsets;
-    m.i1 += marcher.grad_moment(0, n) / offsets;
+  for (int k = 0; k < count; k += ConeMarcher::kRays) {
+    const std::vector<ConeRay> rays = cones(ray, t_end, k, count);
+    marcher.march(rays, true, counters);
+    for (int r = 0; r < int(rays.size()); ++r) {
+      const MarchedShells marched = marcher.ray(r);
+      const int n = marched.shell_count();
+      for (int s = 0; s < n; ++s) {
+        m.integral[std::size_t(s)] += marched.shell(0, s).integral / count;
+        m.reaching[std::size_t(s)] +=
+            marched.transmittance(s).r * marched.shell(0, s).integral / count;
+      }
+      m.transmittance += marched.transmittance().r / count;
+      m.i0 += marched.grad_integral(0, n) / count;
+      m.i1 += marched.grad_moment(0, n) / count;
+    }
   }
-  m.segments = counters.segments / static_cast<std::uint64_t>(offsets);
+  m.segments = double(counters.segments) / count;
   return m;
 }
 
-// As fine as voxels, the mean over offsets is what marching cell by cell finds.
+// As fine as voxels, the mean is what marching cell by cell finds.
 TEST(ConeMarcher, FineConesHoldWhatCellsHold) {
   const Volume lumps = make_volume(make_lumps(crooked_map())),
                box = make_box(lumps.world_bounds().min, lumps.world_bounds().center(), RgbD(0.25));
@@ -102,10 +128,11 @@ TEST(ConeMarcher, FineConesHoldWhatCellsHold) {
     const double t_end = i % 2 ? 13.3 : kInfinity;
     MarchCounters counters;
     exact.march(ray, shells, t_end, std::vector<double>(7, 0.5), true, counters);
-    const Means m = over_offsets(medium, ray, shells, t_end, 1e-6, 400);
+    const Means m = mean_of(medium, ray, shells, t_end, 1e-6, 400);
     const int n = exact.shell_count();
-    for (int s = 0; s <= n; ++s)
-      EXPECT_NEAR(m.depth[static_cast<std::size_t>(s)], exact.tau(s).r, 1e-3) << s;
+    for (int s = 0; s < n; ++s)
+      EXPECT_NEAR(m.integral[std::size_t(s)], exact.shell(0, s).integral, 1e-3) << s;
+    EXPECT_NEAR(m.transmittance, std::exp(-exact.tau(n).r), 2e-3);
     EXPECT_LT((m.i0 - exact.grad_integral(0, n)).length(), 0.02);
     EXPECT_LT((m.i1 - exact.grad_moment(0, n)).length(), 0.2);
   }
@@ -120,19 +147,19 @@ TEST(ConeMarcher, WideConesTakeFewStepsAndAreCloseToTheMean) {
   constexpr double kWidth = 0.08;
   double exact = 0, coarse = 0;
   MarchCounters cells;
-  std::uint64_t steps = 0;
+  double steps = 0;
   constexpr int kAcross = 24;
   for (int i = 0; i < kAcross * kAcross; ++i) {
     const double u = 0.7 * ((i % kAcross + 0.5) / kAcross - 0.5);
     const double v = 0.7 * ((i / kAcross + 0.5) / kAcross - 0.5);
     const Ray ray{from, frame.to_world(Vec3d(u, v, 1).normalized())};
     exact += std::exp(-optical_depth(medium, ray, {}, {}, cells).r);
-    const Means m = over_offsets(medium, ray, shells_to(14, 8), kInfinity, kWidth, 4);
+    const Means m = mean_of(medium, ray, shells_to(14, 8), kInfinity, kWidth, 4);
     coarse += m.transmittance;
     steps += m.segments;
   }
   EXPECT_NEAR(coarse, exact, 0.005 * exact);
-  EXPECT_LT(5 * steps, cells.segments);
+  EXPECT_LT(5 * steps, double(cells.segments));
 }
 
 // Thick media are looked at voxel by voxel however wide a cone is, until nothing comes through.
@@ -140,32 +167,92 @@ TEST(ConeMarcher, ThickMediaAreLookedAtFinely) {
   const Volume lumps = make_volume(make_lumps(scaling(Vec3d(0.1))), RgbD(12.0));
   const Medium medium({lumps});
   const Ray ray{{-2, 3, 1}, Vec3d(1, 0.1, 0.02).normalized()};
-  ConeMarcher marcher(medium);
   const std::vector<double> shells = shells_to(10, 8), jitter(8, 0.5);
-  marcher.begin(ray.origin, shells, 1);
-  double scattered = 0;
-  MarchCounters counters;
-  constexpr int kOffsets = 64;
-  // Where light comes from, as a share by shells.
-  std::vector<double> share(8, 0);
-  for (int k = 0; k < kOffsets; ++k) {
-    marcher.march(ray.direction, kInfinity, (k + 0.5) / kOffsets, jitter, false, counters);
-    for (int s = 0; s < 8; ++s)
-      share[static_cast<std::size_t>(s)] +=
-          (std::exp(-marcher.tau(s).r) - std::exp(-marcher.tau(s + 1).r)) / kOffsets;
-  }
+  const Means m = mean_of(medium, ray, shells, kInfinity, 1, 64);
   ShellMarcher exact(medium, {});
   MarchCounters unused;
   exact.march(ray, shells, kInfinity, jitter, false, unused);
+  double all = 0;
   for (int s = 0; s < 8; ++s) {
-    EXPECT_NEAR(share[static_cast<std::size_t>(s)],
-                std::exp(-exact.tau(s).r) - std::exp(-exact.tau(s + 1).r), 0.01)
-        << s;
-    scattered += share[static_cast<std::size_t>(s)];
+    const double share = 12 * m.reaching[std::size_t(s)];
+    EXPECT_NEAR(share, std::exp(-exact.tau(s).r) - std::exp(-exact.tau(s + 1).r), 0.01) << s;
+    all += share;
   }
-  EXPECT_NEAR(scattered, 1, 1e-6);
-  // 10 m are 100 voxels; the ray meets the ball in the middle and dies soon after.
-  EXPECT_LT(counters.segments / kOffsets, 70u);
+  EXPECT_NEAR(all, 1, 1e-5);
+}
+
+// A shell's sample lies as densities and what dims them say.
+TEST(ConeMarcher, SamplesOfAnEvenMediumFollowTransmittance) {
+  const Medium medium({make_box(Vec3d(-9), Vec3d(9), RgbD(0.8))});
+  ConeMarcher marcher(medium);
+  const std::vector<double> shells{1, 4};
+  const std::vector<float> shifts{0.3f};
+  marcher.begin(Vec3d(0), shells, 0.05, shifts);
+  double mean = 0;
+  MarchCounters counters;
+  constexpr int kCount = 4096;
+  for (int k = 0; k < kCount; k += ConeMarcher::kRays) {
+    marcher.march(cones({}, kInfinity, k, kCount), false, counters);
+    for (int r = 0; r < ConeMarcher::kRays; ++r)
+      mean += marcher.ray(r).shell(0, 0).t_sample / kCount;
+  }
+  // Of exp(-0.8 t) over [1, 4].
+  const double e = std::exp(-0.8 * 3);
+  EXPECT_NEAR(mean, 1 + 1 / 0.8 - 3 * e / (1 - e), 2e-3);
+}
+
+// Bits are the same whatever the vectors, so records are the same on all machines.
+TEST(ConeMarcher, AllInstructionSetsGiveTheSameBits) {
+  const Volume lumps = make_volume(make_lumps(crooked_map()), RgbD(0.4, 0.5, 0.6)),
+               box = make_box(lumps.world_bounds().min, lumps.world_bounds().center(), RgbD(0.25));
+  const Medium medium({lumps, box});
+  const auto bits = [&] {
+    std::vector<float> all;
+    ConeMarcher marcher(medium);
+    RandomStream random(random_key(15));
+    const std::vector<double> shells = shells_to(20, 9);
+    const std::vector<float> shifts{0.1f, 0.9f, 0.3f, 0.7f, 0.5f, 0.2f, 0.8f, 0.4f, 0.6f};
+    MarchCounters counters;
+    for (int i = 0; i < 40; ++i) {
+      const Ray ray = random_ray(lumps.world_bounds(), random);
+      marcher.begin(ray.origin, shells, i % 2 ? 0.06 : 0.5, shifts);
+      marcher.march(cones(ray, i % 3 ? kInfinity : 9.1, 0, 16), true, counters);
+      for (int r = 0; r < 16; ++r) {
+        const MarchedShells m = marcher.ray(r);
+        for (int s = 0; s < m.shell_count(); ++s) {
+          for (int v = 0; v < 2; ++v) {
+            all.push_back(float(m.shell(v, s).integral));
+            all.push_back(float(m.shell(v, s).t_sample));
+          }
+          for (int c = 0; c < 3; ++c) all.push_back(float(m.transmittance(s)[c]));
+          for (int a = 0; a < 3; ++a) all.push_back(float(m.grad_moment(0, s)[a]));
+        }
+        for (int c = 0; c < 3; ++c) all.push_back(float(m.transmittance()[c]));
+      }
+    }
+    return all;
+  };
+  const std::int64_t here = hwy::SupportedTargets();
+  const std::vector<float> expected = bits();
+  std::string tested, lacking;
+  for (const std::int64_t target : {std::int64_t{HWY_STATIC_TARGET}, std::int64_t{HWY_SSE4},
+                                    std::int64_t{HWY_AVX2}, std::int64_t{HWY_AVX3}}) {
+    if (target != HWY_STATIC_TARGET && !(here & target)) {
+      lacking += std::string(" ") + hwy::TargetName(target);
+      continue;
+    }
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    const std::vector<float> found = bits();
+    tested += std::string(" ") + hwy::TargetName(target);
+    ASSERT_EQ(found.size(), expected.size());
+    EXPECT_EQ(std::memcmp(found.data(), expected.data(), found.size() * sizeof(float)), 0)
+        << hwy::TargetName(target);
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+  std::printf("instruction sets tested:%s; not on this machine:%s\n", tested.c_str(),
+              lacking.empty() ? " none" : lacking.c_str());
 }
 
 }  // namespace

@@ -67,6 +67,9 @@ class BrickGrid {
   const float* brick(std::int32_t number) const {
     return brick_data_ + std::size_t(number) * kBrickFloats;
   }
+  // All of them, x fastest, and the tiles' values.
+  const std::int32_t* top_entries() const { return top_.data(); }
+  const float* tiles() const { return tiles_.data(); }
   float tile(std::int32_t top_entry) const { return tiles_[std::size_t(-2 - top_entry)]; }
   ValueRange brick_range(std::int32_t top_entry) const {
     if (top_entry == kEmpty) return {};

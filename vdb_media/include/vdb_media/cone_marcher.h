@@ -4,59 +4,56 @@
 // they could be thick, but no shorter than a voxel.
 #pragma once
 
-#include "vdb_media/brick_pyramid.h"
 #include "vdb_media/ray_marcher.h"
 
 namespace brume {
 
+class BrickPyramid;
+
+// One ray of a gather. `place` and `choice` in [0, 1), even over rays, say where in its steps it looks
+// and which of a shell's steps stands for the shell.
+struct ConeRay {
+  Vec3d direction{0.0, 0.0, 1.0};
+  double end = kInfinity;
+  float place = 0, choice = 0;
+};
+
 // Reusable scratch memory: make one a thread. Results stay valid until the next march().
 //
-// Each step is one sample of the density and its gradient, at the place in it that the caller's
-// `offset` gives: means of depth over even offsets are those of the level's field exactly, and a
-// single ray is off by what the field wiggles within its steps. Shells' samples lie where the density
-// was looked at.
-class ConeMarcher : public MarchedShells {
+// Each step is one sample of the density and its gradient: means over evenly placed rays are those of
+// the level's field exactly, and a single ray is off by what the field wiggles within its steps.
+// Shells' samples lie where the density was looked at. Positions are floats in voxels from the grid's
+// corner: good to a hundredth of a voxel in grids of a hundred thousand.
+class ConeMarcher {
  public:
+  static constexpr int kRays = 16;  // At once.
+
   // The Medium must outlive it, and holds the pyramids.
-  explicit ConeMarcher(const Medium& medium, double step_voxels = 0)
-      : medium_(&medium), step_voxels_(step_voxels) {}
+  explicit ConeMarcher(const Medium& medium, double step_voxels = 0);
+  ~ConeMarcher();
+  ConeMarcher(ConeMarcher&&) noexcept;
 
-  // All rays until the next call start at `origin` and go through the same shells, by `boundaries`.
-  void begin(const Vec3d& origin, std::span<const double> boundaries, double width);
+  // All rays until the next call start at `origin` and go through the same shells, by `boundaries`,
+  // which ascend. `random` shifts where rays look, a shell each.
+  void begin(const Vec3d& origin, std::span<const double> boundaries, double width,
+             std::span<const float> shifts);
 
-  // As ShellMarcher::march(). `offset` in [0, 1) places the samples within steps.
-  void march(const Vec3d& direction, double t_end, double offset, std::span<const double> jitter,
-             bool want_gradients, MarchCounters& counters);
+  // At most kRays.
+  void march(std::span<const ConeRay> rays, bool want_gradients, MarchCounters& counters);
+  MarchedShells ray(int i) const;
 
  private:
-  struct Step {
-    double begin = 0, end = 0;
-    int shell = 0, level = 0;
-  };
-  // One level of one volume, as seen from the origin.
-  struct Level {
-    const BrickGrid* grid = nullptr;
-    Vec3d origin{0.0};
-  };
-  struct Track {
-    std::vector<Step> steps;
-    std::vector<Level> levels;
-    Box3d box;  // In the index space of the finest level, around the fields of all that are used.
-  };
-  double step_length(const Volume& volume, const BrickPyramid& pyramid, double wanted) const;
-  void add_steps(const Volume& volume, const BrickPyramid& pyramid, double width,
-                 Track& track) const;
-  template <bool kGradients>
-  void march_grid(int volume, const Ray& ray, double offset, std::span<const double> jitter,
-                  MarchCounters& counters);
+  struct State;
+  void add_track(int volume, double width, std::span<const float> shifts);
+  void march_volume(int volume, std::span<const ConeRay> rays, bool want_gradients,
+                    MarchCounters& counters);
+  void dim();
 
   const Medium* medium_;
-  double step_voxels_ = 0;  // At least so long are steps.
+  double step_voxels_;  // At least so long are steps.
   Vec3d origin_{0.0};
   std::vector<double> boundaries_;
-  std::vector<Track> tracks_;  // By volume.
-  // Of the steps of the ray at hand.
-  std::vector<double> depths_, places_;
+  std::unique_ptr<State> state_;
 };
 
 }  // namespace brume

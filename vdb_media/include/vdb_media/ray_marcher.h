@@ -6,6 +6,7 @@
 // a step of that many voxels.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -47,48 +48,54 @@ struct ShellDensity {
   double t_sample = 0;
 };
 
-// The density of every volume along a ray, shell by shell: what marchers leave behind.
+// What marchers leave behind: the density of every volume along one ray, shell by shell, and what is
+// left of light on its way to the ray's origin. A view of a marcher's arrays, valid until its next
+// march; cheap to copy.
 class MarchedShells {
  public:
   // Shells that begin before the ray's end.
   int shell_count() const { return shell_count_; }
-  const ShellDensity& shell(int volume, int shell) const {
-    return shells_[std::size_t(volume) * stride_ + shell];
+  ShellDensity shell(int volume, int shell) const {
+    const std::size_t i = at(volume, shell);
+    return {integral_[i], sample_[i]};
   }
-  // sum over volumes of sigma_t * integral of density, from the first boundary to the start of
-  // `shell` (or to the ray's end for shell == shell_count()).
-  const RgbD& tau(int shell) const { return tau_[shell]; }
-  // Integrals over u from 0 (the ray's origin) to the start of `shell` of grad density and of
-  // u grad density, per volume: I0 and I1 of gradients.md 3, before sigma_t, with u in world units and
-  // the gradient in the grid's index space (world_to_index().transposed_vector() takes sums of them to
-  // world space). Only where gradients were wanted. The density before the first boundary counts as
-  // none, so callers put it at or before the medium's entry.
-  const Vec3d& grad_integral(int volume, int shell) const {
-    return i0_[std::size_t(volume) * stride_ + shell];
+  // From a shell, averaged over it as if its density were even.
+  RgbD transmittance(int shell) const { return channels(transmittance_, shell); }
+  // From the ray's end.
+  RgbD transmittance() const { return channels(end_, 0); }
+  // Integrals over u from 0 (the ray's origin) to the start of `shell`, or to the ray's end, of grad
+  // density and of u grad density, per volume: I0 and I1 of gradients.md 3, before sigma_t, with u in
+  // world units and the gradient in the grid's index space (world_to_index().transposed_vector() takes
+  // sums of them to world space). Only where gradients were wanted. The density before the first
+  // boundary counts as none, so callers put it at or before the medium's entry.
+  Vec3d grad_integral(int volume, int shell) const { return vector(gradient_, volume, shell); }
+  Vec3d grad_moment(int volume, int shell) const { return vector(moment_, volume, shell); }
+
+ private:
+  friend class ShellMarcher;
+  friend class ConeMarcher;
+  // Rows are shells, one more than there are at most.
+  std::size_t at(int volume, int shell) const {
+    return (std::size_t(volume) * std::size_t(rows_) + std::size_t(shell)) * std::size_t(stride_);
   }
-  const Vec3d& grad_moment(int volume, int shell) const {
-    return i1_[std::size_t(volume) * stride_ + shell];
+  RgbD channels(const float* of, int row) const {
+    if (channel_count_ == 1) return RgbD(of[at(0, row)]);
+    return {of[at(0, row)], of[at(1, row)], of[at(2, row)]};
+  }
+  Vec3d vector(const std::array<const float*, 3>& of, int volume, int shell) const {
+    const std::size_t i = at(volume, shell);
+    return {of[0][i], of[1][i], of[2][i]};
   }
 
- protected:
-  // Sets edges_ to the boundaries before t_end and t_end itself, all sums to 0, and each sample to
-  // its jittered place. False where no shell begins before t_end.
-  bool begin(const Medium& medium, std::span<const double> boundaries, double t_end,
-             std::span<const double> jitter, bool want_gradients);
-  void march_homogeneous(const Volume& volume, int index, const Ray& ray,
-                         std::span<const double> jitter, MarchCounters& counters);
-
-  int shell_count_ = 0;
-  std::size_t stride_ = 0;
-  std::vector<double> edges_;
-  std::vector<ShellDensity> shells_;
-  std::vector<RgbD> tau_;
-  std::vector<Vec3d> i0_, i1_;
+  int shell_count_ = 0, rows_ = 0, stride_ = 1, channel_count_ = 1;
+  const float *integral_ = nullptr, *sample_ = nullptr;
+  const float *transmittance_ = nullptr, *end_ = nullptr;
+  std::array<const float*, 3> gradient_{}, moment_{};
 };
 
 // Marches cell by cell, cut at common boundaries. Reusable scratch memory: make one a thread. Results
 // stay valid until the next march().
-class ShellMarcher : public MarchedShells {
+class ShellMarcher {
  public:
   // The Medium must outlive it. Copies share nothing.
   explicit ShellMarcher(const Medium& medium, MarchOptions options);
@@ -105,13 +112,37 @@ class ShellMarcher : public MarchedShells {
   void march(const Ray& ray, std::span<const double> boundaries, double t_end,
              std::span<const double> jitter, bool want_gradients, MarchCounters& counters);
 
+  int shell_count() const { return shell_count_; }
+  const ShellDensity& shell(int volume, int shell) const {
+    return shells_[std::size_t(volume) * stride_ + shell];
+  }
+  // sum over volumes of sigma_t * integral of density, from boundaries.front() to the start of
+  // `shell` (or to t_end for shell == shell_count()).
+  const RgbD& tau(int shell) const { return tau_[shell]; }
+  // As MarchedShells', in double.
+  const Vec3d& grad_integral(int volume, int shell) const {
+    return i0_[std::size_t(volume) * stride_ + shell];
+  }
+  const Vec3d& grad_moment(int volume, int shell) const {
+    return i1_[std::size_t(volume) * stride_ + shell];
+  }
+  MarchedShells view();
+
  private:
   template <bool kGradients>
   void march_grid(int volume, const Ray& ray, std::span<const double> jitter,
                   MarchCounters& counters);
+  void march_homogeneous(int volume, const Ray& ray, std::span<const double> jitter,
+                         MarchCounters& counters);
 
   const Medium* medium_;
   MarchOptions options_;
+  bool has_gradients_ = false;
+  int shell_count_ = 0;
+  std::size_t stride_ = 0;
+  std::vector<ShellDensity> shells_;
+  std::vector<RgbD> tau_;
+  std::vector<Vec3d> i0_, i1_;
   struct Scratch;
   std::unique_ptr<Scratch> scratch_;
 };
