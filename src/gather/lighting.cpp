@@ -9,8 +9,8 @@ namespace {
 constexpr int kPatchGrid = 3, kPatches = kPatchGrid * kPatchGrid;  // Tables of an area light.
 // Patches average each other's errors out, so their tables may be coarser than a point light's.
 constexpr double kPatchErrorFactor = 2;
-constexpr int kErrorPoints = 2048;  // Points at which the error is measured.
-constexpr int kErrorLightGrid = 5;  // Samples across an area light, each way, at each.
+constexpr int kErrorPoints = 1024;  // Points at which the error is measured.
+constexpr int kErrorLightGrid = 3;  // Samples across an area light, each way, at each.
 
 // Patch centres of an area light: the mean of its samples in each cell of the sample square.
 // Samples of one cell are spread symmetrically around it, so the first order of the optical depth's
@@ -76,14 +76,17 @@ Lighting::Lighting(const World& world, const LightingOptions& options)
       }
     }
     const double coarser = light.is_delta() ? 1 : kPatchErrorFactor;
-    const LightVolumeOptions volume_options{.target_error = coarser * options.target_error,
-                                            .threads = options.threads};
     for (std::size_t i = 0; i < origins.size(); ++i) {
       Table table{centres[i], {}};
-      for (const Volume& v : medium.volumes())
-        table.volumes.push_back(v.is_homogeneous()
-                                    ? nullptr
-                                    : std::make_unique<LightVolume>(v, origins[i], volume_options));
+      for (std::size_t v = 0; v < medium.volumes().size(); ++v) {
+        const Volume& volume = medium.volumes()[v];
+        table.volumes.push_back(nullptr);
+        if (volume.is_homogeneous()) continue;
+        const LightVolumeOptions volume_options{.target_error = coarser * options.target_error,
+                                                .threads = options.threads,
+                                                .pyramid = &medium.pyramid(static_cast<int>(v))};
+        table.volumes.back() = std::make_unique<LightVolume>(volume, origins[i], volume_options);
+      }
       tables_[l].push_back(std::move(table));
     }
   }

@@ -142,6 +142,7 @@ void march_lanes(const ConeTrack& track, const ConePacket& packet, const ConeDen
                  std::size_t lane) {
   const auto load = [&](const ConeLane& v) { return hn::LoadU(d, v.data() + lane); };
   const F zero = hn::Zero(d);
+  const F ox = load(packet.origin[0]), oy = load(packet.origin[1]), oz = load(packet.origin[2]);
   const F dx = load(packet.direction[0]), dy = load(packet.direction[1]),
           dz = load(packet.direction[2]);
   const F begin = load(packet.begin), place = load(packet.place), choice = load(packet.choice);
@@ -166,16 +167,20 @@ void march_lanes(const ConeTrack& track, const ConePacket& packet, const ConeDen
         const ConeStep& step = track.steps[k];
         const F low = hn::Max(set(step.begin), begin), high = hn::Min(set(step.end), end);
         const auto is_met = hn::Lt(low, high);
-        if (hn::AllFalse(d, is_met)) continue;
+        if (hn::AllFalse(d, is_met)) {
+          // Nor are later ones where this one lies behind all ends.
+          if (hn::AllFalse(d, hn::Lt(set(step.begin), end))) k = past - 1;
+          continue;
+        }
         const F length = sub(high, low);
         const F t = add(low, mul(fraction_of(add(set(step.shift), place)), length));
         const ConeLevel& level = track.levels[static_cast<std::size_t>(step.level)];
-        const F along = mul(t, set(level.scale));
-        const auto at_level = [&](F direction, int a) {
-          return add(set(level.origin[static_cast<std::size_t>(a)]), mul(direction, along));
+        const auto at_level = [&](F o, F direction, std::size_t a) {
+          const F p = add(o, mul(direction, t));
+          return add(mul(p, set(level.scale)), set(level.offset[a]));
         };
-        const Sample v =
-            sample<kGradients>(level, at_level(dx, 0), at_level(dy, 1), at_level(dz, 2), is_met);
+        const Sample v = sample<kGradients>(level, at_level(ox, dx, 0), at_level(oy, dy, 1),
+                                            at_level(oz, dz, 2), is_met);
         const F part = mul(v.value, length);
         if (round == 0) {
           sum = add(sum, part);
@@ -191,7 +196,7 @@ void march_lanes(const ConeTrack& track, const ConePacket& packet, const ConeDen
         chosen = hn::IfThenElse(hn::And(is_met, hn::Le(running, target)), t, chosen);
         running = add(running, part);
       }
-      if (past - first == 1) break;
+      if (past - first == 1 || !track.samples) break;
       const F u = fraction_of(add(set(track.shifts[s]), choice));
       target = mul(sum, depth_fraction(u, mul(sum, set(track.mean_sigma_t))));
     }
@@ -250,6 +255,24 @@ HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 namespace brume {
+
+ConeLevel cone_level(const BrickPyramid& pyramid, int level) {
+  const BrickGrid& grid = pyramid.level(level);
+  ConeLevel of;
+  if (grid.is_empty()) return of;
+  of.top = grid.top_entries();
+  of.tiles = grid.tiles();
+  of.nodes = grid.stored_brick_count() > 0 ? grid.brick(0) : nullptr;
+  const double scale = 1.0 / (1 << level);
+  of.scale = static_cast<float>(scale);
+  for (int a = 0; a < 3; ++a) {
+    const auto i = static_cast<std::size_t>(a);
+    of.bricks[i] = grid.brick_count()[a];
+    of.offset[i] = static_cast<float>(
+        BrickGrid::kCells * (pyramid.level(0).brick_min()[a] * scale - grid.brick_min()[a]));
+  }
+  return of;
+}
 
 HWY_EXPORT(March);
 HWY_EXPORT(Dim);

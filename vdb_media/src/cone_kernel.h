@@ -1,26 +1,30 @@
-// A packet of rays through the shells of one gather: what ConeMarcher computes in vectors, a ray a
-// lane. One source for every instruction set, chosen when the program runs; arithmetic is done lane
-// by lane without fused operations or libm, so that all give the same bits.
+// A packet of rays through common shells: what ConeMarcher and LightVolume compute in vectors, a
+// ray a lane. One source for every instruction set, chosen when the program runs; arithmetic is
+// done lane by lane without fused operations or libm, so that all give the same bits.
 #pragma once
 
 #include <array>
 #include <cstdint>
 #include <vector>
 
+#include "vdb_media/brick_pyramid.h"
+
 namespace brume {
 
 inline constexpr int kConeLanes = 16;
 using ConeLane = std::array<float, kConeLanes>;
 
-// One level of a pyramid, as seen from the rays' origin.
+// One level of a pyramid.
 struct ConeLevel {
   const float* nodes = nullptr;
   const std::int32_t* top = nullptr;
   const float* tiles = nullptr;
-  std::array<float, 3> origin{};  // Of the rays, from the first brick's first node [voxels].
   std::array<std::int32_t, 3> bricks{};
-  float scale = 1;  // Voxels of the finest level over this one's.
+  // From the finest level's voxels, counted from its first brick, to this one's.
+  float scale = 1;
+  std::array<float, 3> offset{};
 };
+ConeLevel cone_level(const BrickPyramid& pyramid, int level);
 
 struct ConeStep {
   float begin = 0, end = 0;
@@ -35,13 +39,15 @@ struct ConeTrack {
   std::vector<std::int32_t> shell_ends;  // Of each shell's steps.
   std::vector<float> shifts;             // Of what chooses between a shell's steps.
   float mean_sigma_t = 0;
-  float enough = 0;  // Density integral behind which nothing is seen.
+  float enough = 0;     // Density integral behind which nothing is seen.
+  bool samples = true;  // Whether a step is chosen to stand for its shell.
 };
 
 struct ConePacket {
-  alignas(64) std::array<ConeLane, 3> direction;  // In the finest level's voxels.
-  alignas(64) ConeLane begin, end;                // Where the volume can be.
-  alignas(64) ConeLane place, choice;             // Of the ray among others, in [0, 1).
+  // In the finest level's voxels, from its first brick.
+  alignas(64) std::array<ConeLane, 3> origin, direction;
+  alignas(64) ConeLane begin, end;     // Where the volume can be.
+  alignas(64) ConeLane place, choice;  // Of the ray among others, in [0, 1).
 };
 
 // By shell, then lane; running integrals have one more shell.

@@ -29,23 +29,6 @@ double step_length(const Volume& volume, const BrickPyramid& pyramid, double lea
   return std::max(wanted, least);
 }
 
-ConeLevel seen_from(const Vec3d& origin, const BrickGrid& grid, int level) {
-  ConeLevel seen;
-  if (grid.is_empty()) return seen;
-  const Vec3d o = grid.world_to_index().point(origin);
-  seen.top = grid.top_entries();
-  seen.tiles = grid.tiles();
-  seen.nodes = grid.stored_brick_count() > 0 ? grid.brick(0) : nullptr;
-  for (std::size_t a = 0; a < 3; ++a) {
-    const int axis = static_cast<int>(a);
-    seen.origin[a] =
-        static_cast<float>(o[axis] - double(BrickGrid::kCells) * grid.brick_min()[axis]);
-    seen.bricks[a] = grid.brick_count()[axis];
-  }
-  seen.scale = 1.0f / static_cast<float>(1 << level);
-  return seen;
-}
-
 }  // namespace
 
 struct ConeMarcher::State {
@@ -113,7 +96,7 @@ void ConeMarcher::add_track(int volume, double width, std::span<const float> shi
   track.box = Box3d();
   for (int l = 0; pyramid && l <= coarsest; ++l) {
     const BrickGrid& grid = pyramid->level(l);
-    track.levels.push_back(seen_from(origin_, grid, l));
+    track.levels.push_back(cone_level(*pyramid, l));
     if (grid.is_empty()) continue;
     const double scale = static_cast<double>(1 << l);
     track.box.extendBy(Box3d(grid.index_bounds().min * scale, grid.index_bounds().max * scale));
@@ -128,6 +111,8 @@ void ConeMarcher::march_volume(int volume, std::span<const ConeRay> rays, bool w
   const State::Track& track = s.tracks[v];
   const Interval all{boundaries_.front(), boundaries_.back()};
   const Vec3d origin = in.is_homogeneous() ? origin_ : in.density->world_to_index().point(origin_);
+  const Vec3d corner =
+      in.is_homogeneous() ? Vec3d(0.0) : Vec3d(in.density->brick_min()) * double(BrickGrid::kCells);
   ConePacket packet{};
   for (std::size_t r = 0; r < rays.size(); ++r) {
     const ConeRay& ray = rays[r];
@@ -138,8 +123,10 @@ void ConeMarcher::march_volume(int volume, std::span<const ConeRay> rays, bool w
     } else if (!track.box.isEmpty()) {
       const Vec3d direction = in.density->world_to_index().vector(ray.direction);
       met = clip({origin, direction}, track.box, reach);
-      for (int a = 0; a < 3; ++a)
+      for (int a = 0; a < 3; ++a) {
+        packet.origin[static_cast<std::size_t>(a)][r] = static_cast<float>(origin[a] - corner[a]);
         packet.direction[static_cast<std::size_t>(a)][r] = static_cast<float>(direction[a]);
+      }
     }
     if (met.is_empty()) continue;
     ++counters.rays;

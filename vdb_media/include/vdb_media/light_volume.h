@@ -24,6 +24,7 @@ struct LightVolumeOptions {
   double target_error = 0.005;  // Of transmittance, rms over stratified points.
   int threads = 0;
   std::uint64_t max_bytes = 256ull << 20;
+  const BrickPyramid* pyramid = nullptr;  // Of the volume's density; null: made for this one.
 };
 
 // Immutable, shared by all threads. Built for the grid `volume`; the region it covers is the box of
@@ -32,7 +33,8 @@ struct LightVolumeOptions {
 class LightVolume {
  public:
   // Starts coarse (a quarter of the grid's resolution) and doubles until `target_error` is met at
-  // test points off the lattice, or voxel resolution or max_bytes is reached.
+  // test points off the lattice, or voxel resolution or max_bytes is reached. Nodes are marched in
+  // steps of half their distance, sixteen at once; those as fine as voxels cell by cell.
   LightVolume(const Volume& volume, const LightOrigin& origin, const LightVolumeOptions& options);
 
   // Integral of the volume's density between the light and p (inside the covered box). ~20 ns.
