@@ -11,7 +11,7 @@ namespace {
 
 // A step that may be this thick is cut, but not below a voxel: what one sample says of it goes into
 // an exponential.
-constexpr double kMostDepth = 0.5;
+constexpr double kMostDepth = 1.5;
 // Voxels are this much finer than steps: coarser ones blur what a ray of its own would see.
 constexpr double kVoxelsPerStep = 4;
 // What lies behind so many mean free paths does not arrive.
