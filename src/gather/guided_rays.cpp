@@ -199,10 +199,14 @@ double GuidedRays::variance(std::span<const double> values) const {
       variance += variance_of_rings(lamps_[t], of_stratum);
       continue;
     }
-    double mean = 0, squares = 0;
-    for (const double v : of_stratum) mean += v / count;
-    for (const double v : of_stratum) squares += (v - mean) * (v - mean);
-    variance += squares * count / (count - 1);
+    // They lie evenly along the patch, so what changes slowly along it is no noise.
+    double squares = 0;
+    for (int i = 1; i < count; ++i) {
+      const auto at = static_cast<std::size_t>(i);
+      const double step = of_stratum[at] - of_stratum[at - 1];
+      squares += step * step;
+    }
+    variance += 0.5 * squares * count / (count - 1);
   }
   return variance;
 }

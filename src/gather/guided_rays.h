@@ -42,7 +42,7 @@ class GuidedRays {
   // normal, or 1 on a sphere.
   double share(const DirectionCells& cells, int c, const Vec3d& direction, double weight) const;
   // Estimated variance of the sum of what rays() bring: by how far each is from its neighbours on
-  // the same ring, or from the others of its patch.
+  // the same ring, or from the next of its patch.
   double variance(std::span<const double> values) const;
 
  private:
