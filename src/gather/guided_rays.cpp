@@ -37,6 +37,7 @@ GuidedRays::Lamp::Lamp(const Source& source, const Vec3d& origin, double cell_wi
     rings = std::clamp(static_cast<int>(std::ceil(reach / cell_width)), kRings, kMostRings);
   }
   reach = std::min(reach, 0.5 * kPi);
+  sine_of_reach = std::sin(reach);
 }
 
 Vec3d GuidedRays::Lamp::direction_at(double h, double turn) const {
@@ -46,8 +47,8 @@ Vec3d GuidedRays::Lamp::direction_at(double h, double turn) const {
 // Rays per solid angle: h and the turn around are uniform.
 double GuidedRays::Lamp::density(const Vec3d& direction) const {
   const Vec3d local = around.to_local(direction);
-  const double sine = std::hypot(local.x, local.y);
-  if (local.z <= 0 || std::asin(std::min(1.0, sine)) > reach) return 0;
+  const double sine = std::sqrt(local.x * local.x + local.y * local.y);
+  if (local.z <= 0 || sine > sine_of_reach) return 0;
   if (std::abs(std::atan2(local.y, local.x)) > half_turn) return 0;
   return count / (2 * half_turn * reach * std::max(sine, 1e-12));
 }

@@ -59,6 +59,7 @@ class GuidedRays {
     Frame around{Vec3d(0.0, 0.0, 1.0)};  // n leads to the lamp, u to the middle of its light.
     double half_turn = kPi;  // How far from u directions near the lamp may see its light [rad].
     double reach = 0;        // Of rays from the lamp's direction [rad].
+    double sine_of_reach = 0;
     double brightness = 0;
     int rings = 0, count = 0;
   };
