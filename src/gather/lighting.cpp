@@ -2,6 +2,7 @@
 
 #include "core/random.h"
 #include "gather/bright_patches.h"
+#include "vdb_media/depth_marcher.h"
 
 namespace brume {
 namespace {
@@ -10,6 +11,7 @@ constexpr int kPatchGrid = 3, kPatches = kPatchGrid * kPatchGrid;  // Tables of 
 // Patches average each other's errors out, so their tables may be coarser than a point light's.
 constexpr double kPatchErrorFactor = 2;
 constexpr int kErrorPoints = 1024;  // Points at which the error is measured.
+constexpr double kStepVoxels = 2;   // Towards lights without tables.
 constexpr int kErrorLightGrid = 3;  // Samples across an area light, each way, at each.
 
 // Patch centres of an area light: the mean of its samples in each cell of the sample square.
@@ -50,6 +52,14 @@ Lighting::Lighting(const World& world, const LightingOptions& options)
   tables_.resize(world.lights().size());
   const Medium& medium = world.medium();
   if (options.depth == LightDepth::Exact || !medium.is_heterogeneous()) return;
+  for (std::size_t v = 0; v < medium.volumes().size(); ++v) {
+    const Volume& volume = medium.volumes()[v];
+    marchers_.push_back(nullptr);
+    if (volume.is_homogeneous()) continue;
+    const double voxel = volume.density->voxel_size();
+    marchers_.back() = std::make_unique<DepthMarcher>(
+        volume, medium.pyramid(static_cast<int>(v)), kStepVoxels * voxel, voxel);
+  }
   for (std::size_t l = 0; l < tables_.size(); ++l) {
     const Light& light = *world.lights()[l];
     std::vector<LightOrigin> origins;
@@ -93,6 +103,8 @@ Lighting::Lighting(const World& world, const LightingOptions& options)
   measure_error();
 }
 
+Lighting::~Lighting() = default;
+
 // What tables cover: all grids together. Homogeneous volumes, which may have no end, need none.
 Box3d Lighting::table_box() const {
   Box3d box;
@@ -122,9 +134,58 @@ RgbD Lighting::exact_depth(const LightSample& sample, const Vec3d& p, Counters& 
 
 RgbD Lighting::transmittance(int light, const LightSample& sample, const Vec3d& p,
                              Counters& counters) const {
-  const Medium& medium = world_.medium();
-  if (medium.is_vacuum()) return RgbD(1);
+  if (world_.medium().is_vacuum()) return RgbD(1);
   if (tables_[light].empty()) return exp_neg(exact_depth(sample, p, counters));
+  return tabulated(light, sample, p, counters);
+}
+
+void Lighting::transmittances(std::span<const Request> requests, std::span<RgbD> found,
+                              Counters& counters) const {
+  const auto& volumes = world_.medium().volumes();
+  std::array<std::size_t, DepthMarcher::kRays> which;
+  std::array<Ray, DepthMarcher::kRays> rays;
+  std::array<double, DepthMarcher::kRays> ends;
+  std::size_t count = 0;
+  const auto march = [&] {
+    std::array<RgbD, DepthMarcher::kRays> tau{};
+    for (std::size_t v = 0; v < volumes.size(); ++v) {
+      std::array<float, DepthMarcher::kRays> integrals{};
+      if (marchers_[v]) {
+        marchers_[v]->march({rays.data(), count}, {ends.data(), count}, {integrals.data(), count});
+      } else {
+        MarchCounters unused;
+        for (std::size_t i = 0; i < count; ++i)
+          integrals[i] = static_cast<float>(
+              density_integral(volumes[v], rays[i], {0, ends[i]}, {}, unused));
+      }
+      const RgbD sigma_t = volumes[v].sigma_t();
+      for (std::size_t i = 0; i < count; ++i)
+        for (int c = 0; c < 3; ++c)
+          // An endless path through what dims nothing is nothing.
+          if (sigma_t[c] > 0) tau[i][c] += sigma_t[c] * double(integrals[i]);
+    }
+    for (std::size_t i = 0; i < count; ++i) found[which[i]] = exp_neg(tau[i]);
+    counters.march_rays += count;
+    count = 0;
+  };
+  for (std::size_t i = 0; i < requests.size(); ++i) {
+    const Request& r = requests[i];
+    // Without marchers tables are not wanted, or there is nothing to march through.
+    if (marchers_.empty() || !tables_[r.light].empty()) {
+      found[i] = transmittance(r.light, r.sample, r.p, counters);
+      continue;
+    }
+    which[count] = i;
+    rays[count] = {r.p, r.sample.direction};
+    ends[count++] = r.sample.distance;
+    if (count == which.size()) march();
+  }
+  if (count > 0) march();
+}
+
+RgbD Lighting::tabulated(int light, const LightSample& sample, const Vec3d& p,
+                         Counters& counters) const {
+  const Medium& medium = world_.medium();
   const Ray ray{p, sample.direction};
   const Table& t = table(light, tables_[light].size() > 1 ? ray.at(sample.distance) : p);
   RgbD tau;
@@ -155,7 +216,7 @@ void Lighting::measure_error() {
     const int l = i % static_cast<int>(tables_.size());
     const Light& light = *world_.lights()[l];
     const Vec3d p = random_point(box, random);
-    if (tables_[l].empty() || is_black(world_.medium().sigma_t_at(p))) continue;
+    if (is_black(world_.medium().sigma_t_at(p))) continue;
     double weights = 0, error = 0;
     const int grid = light.is_delta() ? 1 : kErrorLightGrid;
     for (int k = 0; k < grid * grid; ++k) {
@@ -164,8 +225,10 @@ void Lighting::measure_error() {
       const double weight = luminance(s.weight);
       if (!(weight > 0)) continue;
       weights += weight;
-      error += weight * (luminance(transmittance(l, s, p, ignored)) -
-                         luminance(exp_neg(exact_depth(s, p, ignored))));
+      RgbD found;
+      const Request request{l, s, p};
+      transmittances({&request, 1}, {&found, 1}, ignored);
+      error += weight * (luminance(found) - luminance(exp_neg(exact_depth(s, p, ignored))));
     }
     if (!(weights > 0)) continue;
     error /= weights;

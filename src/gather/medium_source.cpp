@@ -335,11 +335,16 @@ void MediumSource::finish(Counters& counters) {
   occluded_.resize(pending_.size());
   lighting_.world().tracer().is_occluded(shadow_rays_, occluded_);
   counters.medium_shadow_rays += pending_.size();
-  for (std::size_t i = 0; i < pending_.size(); ++i) {
+  requests_.clear();
+  for (std::size_t i = 0; i < pending_.size(); ++i)
+    if (!occluded_[i])
+      requests_.push_back({pending_[i].light, pending_[i].sample, pending_[i].position});
+  transmittances_.resize(requests_.size());
+  lighting_.transmittances(requests_, transmittances_, counters);
+  for (std::size_t i = 0, lit = 0; i < pending_.size(); ++i) {
     if (occluded_[i]) continue;
     const Pending& p = pending_[i];
-    const RgbD light =
-        p.strength * lighting_.transmittance(p.light, p.sample, p.position, counters);
+    const RgbD light = p.strength * transmittances_[lit++];
     const HenyeyGreenstein& phase = volumes[p.volume].phase;
     const Vec3d travel = -p.sample.direction;
     const PhaseValue value = phase.eval_with_derivative(travel, p.towards_receiver);

@@ -178,6 +178,8 @@ class MediumSource {
   std::vector<double> shares_;  // Running sums over volumes, for choosing one.
   std::vector<ShadowRay> shadow_rays_;
   std::vector<std::uint8_t> occluded_;
+  std::vector<Lighting::Request> requests_;
+  std::vector<RgbD> transmittances_;
 };
 
 }  // namespace brume

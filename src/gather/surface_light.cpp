@@ -74,10 +74,16 @@ void SurfaceLight::finish(Counters& counters) {
   occluded_.resize(pending_.size());
   lighting_.world().tracer().is_occluded(shadow_rays_, occluded_);
   counters.shadow_rays += pending_.size();
-  for (std::size_t i = 0; i < pending_.size(); ++i) {
+  requests_.clear();
+  for (std::size_t i = 0; i < pending_.size(); ++i)
+    if (!occluded_[i])
+      requests_.push_back({pending_[i].light, pending_[i].sample, pending_[i].origin});
+  transmittances_.resize(requests_.size());
+  lighting_.transmittances(requests_, transmittances_, counters);
+  for (std::size_t i = 0, lit = 0; i < pending_.size(); ++i) {
     if (occluded_[i]) continue;
     const Pending& p = pending_[i];
-    const RgbD t = lighting_.transmittance(p.light, p.sample, p.origin, counters);
+    const RgbD t = transmittances_[lit++];
     reflected_[p.cell] += p.reflected * t;
     if (has_derivatives_)
       for (int c = 0; c < 3; ++c) derivative_[p.cell][c] += p.derivative[c] * t[c];

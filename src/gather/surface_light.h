@@ -59,6 +59,8 @@ class SurfaceLight {
   std::vector<Pending> pending_;
   std::vector<ShadowRay> shadow_rays_;
   std::vector<std::uint8_t> occluded_;
+  std::vector<Lighting::Request> requests_;
+  std::vector<RgbD> transmittances_;
   bool has_derivatives_ = false;
 };
 

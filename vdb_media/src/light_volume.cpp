@@ -1,10 +1,10 @@
 #include "vdb_media/light_volume.h"
 
-#include "cone_kernel.h"
 #include "core/error.h"
 #include "core/parallel.h"
 #include "core/random.h"
 #include "vdb_media/brick_pyramid.h"
+#include "vdb_media/depth_marcher.h"
 
 namespace brume {
 namespace {
@@ -26,67 +26,25 @@ double march_to_light(const Volume& volume, const LightOrigin& origin, const Vec
                           {}, unused);
 }
 
-// Integrals of a grid's density from points of its index space towards the light.
-class CoarseMarch {
- public:
-  // Steps as long as `step` in world units, on a level whose voxels are no wider.
-  CoarseMarch(const Volume& volume, const BrickPyramid& pyramid, const LightOrigin& origin,
-              double step)
-      : grid_(*volume.density), origin_(origin) {
-    const int level = pyramid.level_for(step);
-    for (int l = 0; l <= level; ++l) track_.levels.push_back(cone_level(pyramid, l));
-    box_ = pyramid.level(level).index_bounds();
-    const double scale = static_cast<double>(1 << level);
-    box_ = Box3d(box_.min * scale, box_.max * scale);
-    const double longest = grid_.index_to_world().box(box_).size().length();
-    const int count = static_cast<int>(std::ceil(longest / step));
-    for (int k = 0; k < count; ++k)
-      track_.steps.push_back(
-          {static_cast<float>(k * step), static_cast<float>((k + 1) * step), level, 0});
-    track_.shell_ends = {count};
-    track_.shifts = {0};
-    track_.enough = std::numeric_limits<float>::infinity();
-    track_.samples = false;
-  }
-
-  // At most kConeLanes.
-  void march(std::span<const Vec3d> points, float* integrals) const {
-    const Vec3d corner = Vec3d(grid_.brick_min()) * double(BrickGrid::kCells);
-    ConePacket packet{};
-    packet.place.fill(0.5f);  // Steps are looked at in their middles.
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      const Vec3d p = grid_.index_to_world().point(points[i]);
-      Vec3d direction;
-      double distance = kInfinity;
-      if (const auto* light = std::get_if<PointOrigin>(&origin_)) {
-        distance = (light->position - p).length();
-        if (!(distance > 0)) continue;
-        direction = (light->position - p) / distance;
-      } else {
-        direction = -std::get<DirectionOrigin>(origin_).direction;
-      }
-      direction = grid_.world_to_index().vector(direction);
-      const Interval met = clip({points[i], direction}, box_, {0, distance});
-      if (met.is_empty()) continue;
-      packet.begin[i] = static_cast<float>(met.begin);
-      packet.end[i] = static_cast<float>(met.end);
-      for (int a = 0; a < 3; ++a) {
-        packet.origin[static_cast<std::size_t>(a)][i] =
-            static_cast<float>(points[i][a] - corner[a]);
-        packet.direction[static_cast<std::size_t>(a)][i] = static_cast<float>(direction[a]);
-      }
+// From points towards the light; at most DepthMarcher::kRays.
+void march_to_light(const DepthMarcher& marcher, const LightOrigin& origin,
+                    std::span<const Vec3d> points, float* integrals) {
+  std::array<Ray, DepthMarcher::kRays> rays;
+  std::array<double, DepthMarcher::kRays> ends{};
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    rays[i].origin = points[i];
+    if (const auto* point = std::get_if<PointOrigin>(&origin)) {
+      const Vec3d way = point->position - points[i];
+      ends[i] = way.length();
+      if (ends[i] > 0) rays[i].direction = way / ends[i];
+    } else {
+      rays[i].direction = -std::get<DirectionOrigin>(origin).direction;
+      ends[i] = kInfinity;
     }
-    ConeLane found, unused;
-    march_cones(track_, packet, {found.data(), unused.data(), {}, {}});
-    std::copy_n(found.begin(), points.size(), integrals);
   }
-
- private:
-  const BrickGrid& grid_;
-  const LightOrigin& origin_;
-  Box3d box_;
-  ConeTrack track_;
-};
+  const std::size_t n = points.size();
+  marcher.march({rays.data(), n}, {ends.data(), n}, {integrals, n});
+}
 
 }  // namespace
 
@@ -144,24 +102,25 @@ LightVolume::LightVolume(const Volume& volume, const LightOrigin& origin,
     count_ = count;
     for (int a = 0; a < 3; ++a) nodes_per_index_[a] = (count[a] - 1) / extent[a];
     values_.assign(nodes, 0);
-    std::optional<CoarseMarch> coarse;
-    if (!volume.is_homogeneous() && coarseness > 1.01)
-      coarse.emplace(volume, *pyramid, origin, 0.5 * coarseness * volume.density->voxel_size());
+    std::optional<DepthMarcher> coarse;
+    if (!volume.is_homogeneous() && coarseness > 1.01) {
+      const double step = 0.5 * coarseness * volume.density->voxel_size();
+      coarse.emplace(volume, *pyramid, step, step);
+    }
     parallel_for(options.threads, std::size_t(count.y) * count.z, 4, [&](std::size_t row) {
       const int y = int(row % count.y), z = int(row / count.y);
-      std::array<Vec3d, kConeLanes> points;
-      for (int first = 0; first < count.x; first += kConeLanes) {
-        const int n = std::min(kConeLanes, count.x - first);
+      std::array<Vec3d, DepthMarcher::kRays> points;
+      for (int first = 0; first < count.x; first += DepthMarcher::kRays) {
+        const int n = std::min(DepthMarcher::kRays, count.x - first);
         float* values = &values_[row * count.x + first];
         for (int i = 0; i < n; ++i)
-          points[std::size_t(i)] = box_index_.min + Vec3d(first + i, y, z) / nodes_per_index_;
-        if (coarse) {
-          coarse->march({points.data(), std::size_t(n)}, values);
-          continue;
-        }
-        for (int i = 0; i < n; ++i)
-          values[i] =
-              float(march_to_light(volume, origin, index_to_world.point(points[std::size_t(i)])));
+          points[std::size_t(i)] =
+              index_to_world.point(box_index_.min + Vec3d(first + i, y, z) / nodes_per_index_);
+        if (coarse)
+          march_to_light(*coarse, origin, {points.data(), std::size_t(n)}, values);
+        else
+          for (int i = 0; i < n; ++i)
+            values[i] = float(march_to_light(volume, origin, points[std::size_t(i)]));
       }
     });
 

@@ -7,6 +7,7 @@
 
 #include "unit/vdb_media/march_cases.h"
 #include "vdb_media/brick_pyramid.h"
+#include "vdb_media/depth_marcher.h"
 
 namespace brume {
 namespace {
@@ -199,6 +200,33 @@ TEST(ConeMarcher, SamplesOfAnEvenMediumFollowTransmittance) {
   // Of exp(-0.8 t) over [1, 4].
   const double e = std::exp(-0.8 * 3);
   EXPECT_NEAR(mean, 1 + 1 / 0.8 - 3 * e / (1 - e), 2e-3);
+}
+
+// Even steps of a voxel, in their middles, against cells; in packets that are not full too.
+TEST(DepthMarcher, StepsAreCloseToCells) {
+  const Volume lumps = make_volume(make_lumps(crooked_map()));
+  const BrickPyramid pyramid(lumps.density);
+  const double voxel = lumps.density->voxel_size();
+  const DepthMarcher marcher(lumps, pyramid, voxel, voxel);
+  RandomStream random(random_key(16));
+  double squares = 0, all = 0;
+  for (int n = 1; n <= DepthMarcher::kRays; ++n) {
+    std::vector<Ray> rays;
+    std::vector<double> ends;
+    for (int i = 0; i < n; ++i) {
+      rays.push_back(random_ray(lumps.world_bounds(), random));
+      ends.push_back(i % 2 ? kInfinity : 6);
+    }
+    std::vector<float> found(rays.size());
+    marcher.march(rays, ends, found);
+    MarchCounters unused;
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      const double exact = density_integral(lumps, rays[i], {0, ends[i]}, {}, unused);
+      squares += (found[i] - exact) * (found[i] - exact);
+      all += exact * exact;
+    }
+  }
+  EXPECT_LT(std::sqrt(squares / all), 0.02);
 }
 
 // Bits are the same whatever the vectors, so records are the same on all machines.
