@@ -50,7 +50,7 @@ void CellGather::gather(const Vec3d& origin, const Frame& base, std::uint64_t ke
   origin_ = origin;
   scattered_ = light.scattered.get();
   medium_.use_scattered(scattered_, kMostAsked);
-  medium_.use_lamp_samples(options_.lamp_samples, is_full(), stream(-1, 3));
+  start_over();
   RandomStream turn = stream(-1, 0);
   frame_ = base.turned(2 * kPi * turn.uniform());
   const Vec2d shift = turn.uniform2();
@@ -72,6 +72,10 @@ void CellGather::gather(const Vec3d& origin, const Frame& base, std::uint64_t ke
   const int at_once = marches_exactly() ? 1 : ConeMarcher::kRays;
   for (int first = 0; first < slot_count(); first += at_once)
     add_rays(first, std::min(at_once, slot_count() - first), counters);
+}
+
+void CellGather::start_over() {
+  medium_.use_lamp_samples(options_.lamp_samples, is_full(), stream(-1, 3));
 }
 
 // Pass 1: what each ray sees, and what surfaces send along it.

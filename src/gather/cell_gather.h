@@ -65,7 +65,9 @@ class CellGather {
   double error() const;
   // How a cell's light changes with a medium that moves with the point and that nothing occludes:
   // the integral of Tr (grad Q - Q I0) - f_s I0. The comparison that [JZJ08] improves on.
+  // For all cells in order, after start_over(): then from the samples of the last gather().
   RgbGradient moving_medium(int c, Counters& counters);
+  void start_over();  // Lamp samples are drawn from the first again.
   bool has_moving_medium() const {
     return !boundaries_.empty() && (effects_.heterogeneous || has_source());
   }

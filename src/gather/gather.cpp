@@ -111,9 +111,10 @@ GradientTerms Gatherer::Impl::terms_of(GradientMode of, Counters& counters) {
       break;
     case GradientMode::Media:
       // All of it is the medium's change along the ray.
-      if (around.has_moving_medium())
-        for (int c = 0; c < around.cells().count(); ++c)
-          terms.grad_sigma += around.moving_medium(c, counters) * around.cells().cell(c).measure;
+      if (!around.has_moving_medium()) break;
+      around.start_over();
+      for (int c = 0; c < around.cells().count(); ++c)
+        terms.grad_sigma += around.moving_medium(c, counters) * around.cells().cell(c).measure;
       break;
     case GradientMode::WardHeckbert:
       around.use_surface_distances();

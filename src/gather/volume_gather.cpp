@@ -105,6 +105,7 @@ std::vector<GradientTerms> VolumeGatherer::Impl::gradients(GradientMode of, Coun
     case GradientMode::Media:
       // All of it is the medium's change along the ray.
       if (!around.has_moving_medium()) break;
+      around.start_over();
       for (int c = 0; c < around.cells().count(); ++c) {
         const RgbGradient moved = around.moving_medium(c, counters);
         const Harmonics y = at_middle(c);

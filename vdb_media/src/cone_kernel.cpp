@@ -1,5 +1,7 @@
 #include "cone_kernel.h"
 
+#include <limits>
+
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "cone_kernel.cpp"
 #include <hwy/foreach_target.h>
@@ -272,6 +274,23 @@ ConeLevel cone_level(const BrickPyramid& pyramid, int level) {
         BrickGrid::kCells * (pyramid.level(0).brick_min()[a] * scale - grid.brick_min()[a]));
   }
   return of;
+}
+
+bool is_countable(std::int64_t bricks, std::int64_t positions) {
+  constexpr std::int64_t kMost = std::numeric_limits<std::int32_t>::max();
+  return bricks <= kMost / BrickGrid::kBrickFloats && positions <= kMost;
+}
+
+int cone_level_for(const BrickPyramid& pyramid, double width) {
+  const auto fits = [&](int level) {
+    const BrickGrid& grid = pyramid.level(level);
+    std::int64_t positions = 1;
+    for (int a = 0; a < 3; ++a) positions *= grid.brick_count()[a];
+    return is_countable(static_cast<std::int64_t>(grid.stored_brick_count()), positions);
+  };
+  int level = pyramid.level_for(width);
+  while (level + 1 < pyramid.level_count() && !fits(level)) ++level;
+  return level;
 }
 
 HWY_EXPORT(March);

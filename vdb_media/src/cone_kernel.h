@@ -1,4 +1,4 @@
-// A packet of rays through common shells: what ConeMarcher and LightVolume compute in vectors, a
+// A packet of rays through common shells: what ConeMarcher and DepthMarcher compute in vectors, a
 // ray a lane. One source for every instruction set, chosen when the program runs; arithmetic is
 // done lane by lane without fused operations or libm, so that all give the same bits.
 #pragma once
@@ -25,6 +25,11 @@ struct ConeLevel {
   std::array<float, 3> offset{};
 };
 ConeLevel cone_level(const BrickPyramid& pyramid, int level);
+// Whether vectors of 32-bit numbers can count a grid's nodes and the positions of its bricks: not those
+// of grids above 8 GiB.
+bool is_countable(std::int64_t bricks, std::int64_t positions);
+// As BrickPyramid::level_for(), but no finer than the finest level that is countable.
+int cone_level_for(const BrickPyramid& pyramid, double width);
 
 struct ConeStep {
   float begin = 0, end = 0;

@@ -79,7 +79,7 @@ void ConeMarcher::add_track(int volume, double width, std::span<const float> shi
     if (pyramid) {
       const double wanted = step_length(v, *pyramid, least, width * 0.5 * (begin + end));
       count = std::max(1, static_cast<int>(std::lround((end - begin) / wanted)));
-      level = pyramid->level_for(wanted / kVoxelsPerStep);
+      level = cone_level_for(*pyramid, wanted / kVoxelsPerStep);
       coarsest = std::max(coarsest, level);
     }
     for (int i = 0; i < count; ++i) {
@@ -134,8 +134,13 @@ void ConeMarcher::march_volume(int volume, std::span<const ConeRay> rays, bool w
     packet.end[r] = static_cast<float>(met.end);
     packet.place[r] = ray.place;
     packet.choice[r] = ray.choice;
-    for (const ConeStep& step : track.steps)
-      counters.segments += step.begin < packet.end[r] && step.end > packet.begin[r];
+    const auto before_end =
+        std::partition_point(track.steps.begin(), track.steps.end(),
+                             [&](const ConeStep& step) { return step.begin < packet.end[r]; });
+    const auto before_begin =
+        std::partition_point(track.steps.begin(), before_end,
+                             [&](const ConeStep& step) { return step.end <= packet.begin[r]; });
+    counters.segments += static_cast<std::uint64_t>(before_end - before_begin);
   }
   const std::size_t at = v * s.row_floats();
   ConeDensity density{&s.integral[at], &s.sample[at], {}, {}};

@@ -22,7 +22,7 @@ DepthMarcher::DepthMarcher(const Volume& volume, const BrickPyramid& pyramid, do
   auto state = std::make_unique<State>();
   state->grid = volume.density.get();
   state->corner = Vec3d(state->grid->brick_min()) * double(BrickGrid::kCells);
-  const int level = pyramid.level_for(voxels);
+  const int level = cone_level_for(pyramid, voxels);
   ConeTrack& track = state->track;
   for (int l = 0; l <= level; ++l) track.levels.push_back(cone_level(pyramid, l));
   if (!pyramid.level(level).is_empty()) {

@@ -74,6 +74,18 @@ INSTANTIATE_TEST_SUITE_P(OfEveryKind, FiniteDifferences,
                          testing::Values("vac", "abs", "absg", "emi", "scatopen", "scathg", "scatg",
                                          "emiplate", "scatcard"));
 
+// Gradients of other modes are those of the last gather's samples, however often they are asked for.
+TEST(Gather, OtherModesAreOfTheSameSamples) {
+  const test::LitWorld lit(make_scene(oracle_scene("scatg", 0.1)));
+  GatherOptions options = cells(16, 50);
+  Gatherer gatherer(lit.lighting, lit.effects, options);
+  Counters counters;
+  gatherer.gather({{-1, 0.25, 0}, {0, 0, 1}, 0, 7}, HitLight{.reflect = false}, counters);
+  const Vec3d first = gatherer.gradient(GradientMode::Media).sum().g;
+  EXPECT_GT(first.length(), 0);
+  EXPECT_EQ(gatherer.gradient(GradientMode::Media).sum().g, first);
+}
+
 // gradients.md 3, T4: a glossy reflector sends another radiance to where the receiver moves.
 TEST(Gather, GlossyReflectorsLobesFollowTheReceiver) {
   Scene scene;

@@ -5,6 +5,7 @@
 
 #include <cstring>
 
+#include "cone_kernel.h"
 #include "unit/vdb_media/march_cases.h"
 #include "vdb_media/brick_pyramid.h"
 #include "vdb_media/depth_marcher.h"
@@ -227,6 +228,18 @@ TEST(DepthMarcher, StepsAreCloseToCells) {
     }
   }
   EXPECT_LT(std::sqrt(squares / all), 0.02);
+}
+
+// A grid whose nodes 32 bits cannot number is looked at on its next level.
+TEST(ConeKernel, LargeGridsAreNotCounted) {
+  constexpr std::int64_t kBricks = 2'945'793;  // As many as have fewer than 2^31 nodes.
+  EXPECT_LE(kBricks * BrickGrid::kBrickFloats, std::int64_t{1} << 31);
+  EXPECT_TRUE(is_countable(kBricks, 10 * kBricks));
+  EXPECT_FALSE(is_countable(kBricks + 1, 10 * kBricks));
+  EXPECT_FALSE(is_countable(1000, std::int64_t{1} << 31));
+  const BrickPyramid pyramid(make_lumps(crooked_map()));
+  EXPECT_EQ(cone_level_for(pyramid, 0), 0);
+  EXPECT_EQ(cone_level_for(pyramid, 100), pyramid.level_count() - 1);
 }
 
 // Bits are the same whatever the vectors, so records are the same on all machines.
