@@ -1,6 +1,7 @@
 // Optical depth of whole rays: brume's marcher against OpenVDB's VolumeRayIntersector and NanoVDB's
-// HDDA, all trilinear, all on the same values (DESIGN 5). The others take midpoint samples, at the
-// coarsest step that reaches 1e-4 rms of the mean optical depth; brume has no step.
+// HDDA, all trilinear, all on the same values. The others take midpoint samples, at the coarsest
+// step that reaches 1e-4 rms of the mean optical depth; brume has no step. brume marches with each
+// instruction set that the CPU has.
 //
 // Prints the ratios first, from interleaved runs, as other work on the machine moves plain timings
 // by more than the differences looked for; then the usual table per ray and per segment.
@@ -25,6 +26,7 @@
 #include "core/parallel.h"
 #include "core/random.h"
 #include "core/sampling.h"
+#include "support/instruction_sets.h"
 #include "vdb_media/ray_marcher.h"
 
 namespace {
@@ -44,15 +46,19 @@ struct Case {
   double mean = 0;
 };
 
-openvdb::FloatGrid::Ptr generate() {
+// A bent, lumpy plume of about `height` x `height` x `height` / 2 voxels.
+openvdb::FloatGrid::Ptr generate(int height) {
   auto grid = openvdb::FloatGrid::create();
   grid->setTransform(openvdb::math::Transform::createLinearTransform(0.5));
   auto accessor = grid->getAccessor();
-  for (int z = 0; z < 112; ++z)
-    for (int y = 0; y < 220; ++y)
-      for (int x = 0; x < 112; ++x) {
-        const double radius = 18 + 0.15 * y;
-        const double a = (x - 56 + 8 * std::sin(0.05 * y)) / radius, b = (z - 56) / radius;
+  const double scale = height / 220.0;
+  const int width = height * 112 / 220;
+  for (int z = 0; z < width; ++z)
+    for (int y = 0; y < height; ++y)
+      for (int x = 0; x < width; ++x) {
+        const double radius = 18 * scale + 0.15 * y;
+        const double a = (x - 56 * scale + 8 * scale * std::sin(0.05 * y / scale)) / radius,
+                     b = (z - 56 * scale) / radius;
         const double d = 1 - a * a - b * b +
                          0.6 * std::sin(0.31 * x) * std::sin(0.27 * y + 1) * std::sin(0.35 * z + 2);
         if (d > 0.3) accessor.setValue({x, y, z}, float(d - 0.3));
@@ -74,8 +80,8 @@ std::shared_ptr<const BrickGrid> to_bricks(const openvdb::FloatGrid& grid) {
                                Vec3i(dim.x(), dim.y(), dim.z()), values, map);
 }
 
-double brume_integral(const Case& c, std::size_t ray, Simd simd, MarchCounters& counters) {
-  return density_integral(c.medium.volumes()[0], c.rays[ray], {}, {0, simd}, counters);
+double brume_integral(const Case& c, std::size_t ray, MarchCounters& counters) {
+  return density_integral(c.medium.volumes()[0], c.rays[ray], {}, {}, counters);
 }
 
 Case make_case(const std::string& name, openvdb::FloatGrid::Ptr grid) {
@@ -102,7 +108,7 @@ Case make_case(const std::string& name, openvdb::FloatGrid::Ptr grid) {
   }
   MarchCounters counters;
   for (std::size_t i = 0; i < c.rays.size(); ++i) {
-    c.exact.push_back(brume_integral(c, i, Simd::Scalar, counters));
+    c.exact.push_back(brume_integral(c, i, counters));
     c.mean += c.exact.back() / kRays;
   }
   return c;
@@ -221,27 +227,33 @@ void print_ratios(const Case& c) {
   const double open_step = coarsest_step(c, open, "OpenVDB"),
                nano_step = coarsest_step(c, nano, "NanoVDB");
   MarchCounters counters;
-  const std::vector<std::function<double(std::size_t)>> marchers{
-      [&](std::size_t i) { return open.integral(i, open_step); },
-      [&](std::size_t i) { return nano.integral(i, nano_step); },
-      [&](std::size_t i) { return brume_integral(c, i, Simd::Scalar, counters); },
-      [&](std::size_t i) { return brume_integral(c, i, Simd::Avx512, counters); }};
-  std::vector<std::vector<double>> times(marchers.size());
+  struct Marcher {
+    std::string name;
+    std::int64_t set;
+    std::function<double(std::size_t)> integral;
+    std::vector<double> times;
+  };
+  const auto brume = [&](std::size_t i) { return brume_integral(c, i, counters); };
+  std::vector<Marcher> marchers{
+      {"OpenVDB", 0, [&](std::size_t i) { return open.integral(i, open_step); }, {}},
+      {"NanoVDB", 0, [&](std::size_t i) { return nano.integral(i, nano_step); }, {}}};
+  for (const std::int64_t set : kInstructionSets)
+    if (UseInstructionSet::is_here(set)) marchers.push_back({hwy::TargetName(set), set, brume, {}});
   for (int run = 0; run < 15; ++run)
-    for (std::size_t m = 0; m < marchers.size(); ++m) times[m].push_back(seconds(marchers[m]));
+    for (Marcher& m : marchers) {
+      const UseInstructionSet use(m.set);
+      m.times.push_back(seconds(m.integral));
+    }
   // Each run's own ratio, then the middle one: what slows the machine slows both.
-  const auto ratio = [&](int slow, int fast) {
+  const auto ratio = [&](const Marcher& slow, const Marcher& fast) {
     std::vector<double> r;
-    for (std::size_t i = 0; i < times[0].size(); ++i) r.push_back(times[slow][i] / times[fast][i]);
+    for (std::size_t i = 0; i < slow.times.size(); ++i) r.push_back(slow.times[i] / fast.times[i]);
     return median(r);
   };
-  const char* names[] = {"OpenVDB", "NanoVDB", "scalar", "AVX-512"};
-  for (int m = 0; m < 4; ++m)
-    std::printf("%-10s %-8s %8.0f rays/s\n", c.name.c_str(), names[m], kRays / median(times[m]));
-  std::printf("%-10s brume over NanoVDB: scalar %.2f (target 2.5), AVX-512 %.2f (target 4)\n",
-              c.name.c_str(), ratio(1, 2), ratio(1, 3));
-  std::printf("%-10s brume over OpenVDB: scalar %.2f (target 4), AVX-512 %.2f (target 8)\n",
-              c.name.c_str(), ratio(0, 2), ratio(0, 3));
+  for (const Marcher& m : marchers)
+    std::printf("%-10s %-8s %8.0f rays/s, times NanoVDB %.2f, times OpenVDB %.2f\n", c.name.c_str(),
+                m.name.c_str(), kRays / median(m.times), ratio(marchers[1], m),
+                ratio(marchers[0], m));
 }
 
 void report(benchmark::State& state, const MarchCounters& counters) {
@@ -250,22 +262,24 @@ void report(benchmark::State& state, const MarchCounters& counters) {
       benchmark::Counter(double(counters.segments), benchmark::Counter::kIsRate);
 }
 
-void optical_depths(benchmark::State& state, const Case& c, Simd simd) {
+void optical_depths(benchmark::State& state, const Case& c, std::int64_t set) {
+  const UseInstructionSet use(set);
   MarchCounters counters;
   std::size_t i = 0;
   for (auto _ : state) {
-    benchmark::DoNotOptimize(brume_integral(c, i, simd, counters));
+    benchmark::DoNotOptimize(brume_integral(c, i, counters));
     i = (i + 1) % kRays;
   }
   report(state, counters);
 }
 
-void shells(benchmark::State& state, const Case& c, Simd simd, bool gradients) {
+void shells(benchmark::State& state, const Case& c, std::int64_t set, bool gradients) {
+  const UseInstructionSet use(set);
   const int count = int(state.range(0));
   const double length = 1.2 * (c.medium.bounds().max - c.medium.bounds().min).length();
   std::vector<double> edges, jitter(count, 0.37);
   for (int i = 0; i <= count; ++i) edges.push_back(length * i / count);
-  ShellMarcher marcher(c.medium, {0, simd});
+  ShellMarcher marcher(c.medium, {});
   MarchCounters counters;
   std::size_t i = 0;
   for (auto _ : state) {
@@ -277,14 +291,15 @@ void shells(benchmark::State& state, const Case& c, Simd simd, bool gradients) {
 }
 
 void register_case(const Case& c) {
-  for (const auto& [simd, name] :
-       {std::pair(Simd::Scalar, "scalar"), std::pair(Simd::Avx512, "avx512")}) {
+  for (const std::int64_t set : kInstructionSets) {
+    if (!UseInstructionSet::is_here(set)) continue;
+    const std::string name = hwy::TargetName(set);
     benchmark::RegisterBenchmark((c.name + "/optical_depth/" + name).c_str(), optical_depths,
-                                 std::cref(c), simd);
+                                 std::cref(c), set);
     for (const bool gradients : {false, true})
       benchmark::RegisterBenchmark(
           (c.name + (gradients ? "/shells_gradients/" : "/shells/") + name).c_str(), shells,
-          std::cref(c), simd, gradients)
+          std::cref(c), set, gradients)
           ->Arg(32)
           ->Arg(96);
   }
@@ -295,20 +310,26 @@ void register_case(const Case& c) {
 int main(int argc, char** argv) {
   brume::flush_denormals();
   openvdb::initialize();
-  std::vector<std::unique_ptr<Case>> cases;
-  cases.push_back(std::make_unique<Case>(make_case("generated", generate())));
-  const std::filesystem::path smoke = std::filesystem::path(BRUME_SHARED_DATA) / "vdb/smoke1.vdb";
-  if (std::filesystem::exists(smoke)) {
-    openvdb::io::File file(smoke.string());
-    file.open();
-    auto grid = openvdb::gridPtrCast<openvdb::FloatGrid>(file.readGrid("density"));
-    cases.push_back(std::make_unique<Case>(make_case("smoke1", grid)));
-  }
-  for (const auto& c : cases) {
-    print_ratios(*c);
-    register_case(*c);
-  }
   benchmark::Initialize(&argc, argv);
+  std::vector<std::unique_ptr<Case>> cases;
+  const auto add = [&](const std::string& name, openvdb::FloatGrid::Ptr grid) {
+    cases.push_back(std::make_unique<Case>(make_case(name, std::move(grid))));
+    print_ratios(*cases.back());
+    register_case(*cases.back());
+  };
+  add("generated", generate(220));
+  add("plume_512", generate(512));
+  for (const char* name : {"smoke1", "wdas_cloud_sixteenth", "teapot_cloud"}) {
+    const std::filesystem::path path =
+        std::filesystem::path(BRUME_SHARED_DATA) / "vdb" / (std::string(name) + ".vdb");
+    if (!std::filesystem::exists(path)) {
+      std::printf("%s is not there.\n", path.c_str());
+      continue;
+    }
+    openvdb::io::File file(path.string());
+    file.open();
+    add(name, openvdb::gridPtrCast<openvdb::FloatGrid>(file.readGrid("density")));
+  }
   benchmark::RunSpecifiedBenchmarks();
   return 0;
 }

@@ -7,6 +7,8 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
+#include "node_pairs-inl.h"
+
 #include "vdb_media/brick_grid.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -122,10 +124,13 @@ HWY_INLINE Sample sample(const ConeLevel& level, F px, F py, F pz, hn::Mask<D> w
   const I first =
       hn::IfThenElseZero(hn::RebindMask(di, is_brick),
                          hn::Add(hn::Mul(entry, hn::Set(di, BrickGrid::kBrickFloats)), local));
-  const auto node = [&](int offset) { return hn::GatherIndex(d, level.nodes + offset, first); };
+  alignas(64) std::int32_t firsts[kConeLanes];
+  hn::Store(first, di, firsts);
   constexpr int kY = kNodes, kZ = kNodes * kNodes;
-  const F c000 = node(0), c100 = node(1), c010 = node(kY), c110 = node(kY + 1);
-  const F c001 = node(kZ), c101 = node(kZ + 1), c011 = node(kZ + kY), c111 = node(kZ + kY + 1);
+  const auto [c000, c100] = node_pairs(d, level.nodes, firsts);
+  const auto [c010, c110] = node_pairs(d, level.nodes + kY, firsts);
+  const auto [c001, c101] = node_pairs(d, level.nodes + kZ, firsts);
+  const auto [c011, c111] = node_pairs(d, level.nodes + kZ + kY, firsts);
   const F x00 = sub(c100, c000), x10 = sub(c110, c010), x01 = sub(c101, c001),
           x11 = sub(c111, c011);
   const F v00 = add(c000, mul(fx, x00)), v10 = add(c010, mul(fx, x10));

@@ -8,12 +8,6 @@
 
 namespace brume {
 
-// All kernels give the same bits, so one the CPU lacks is replaced by the scalar one.
-inline const SegmentKernel& choose_kernel(Simd simd) {
-  const SegmentKernel* wide = simd == Simd::Scalar ? nullptr : avx512_kernel();
-  return wide ? *wide : scalar_kernel();
-}
-
 inline Field make_field(const BrickGrid& grid, const IndexRay& ray, const MarchOptions& options) {
   // Read for the segments of tiles where a grid has no bricks at all.
   static constexpr std::array<float, BrickGrid::kBrickFloats> kZeros{};
@@ -29,14 +23,6 @@ inline Span make_span(const BrickGrid& grid, std::int32_t top, const Vec3i& corn
   else
     span.offset = std::int64_t{top} * BrickGrid::kBrickFloats;
   return span;
-}
-
-inline void collect(const SegmentKernel& kernel, const Field& field, const Span* spans, int count,
-                    const double* cuts, Segments& segments) {
-  if (field.step_voxels > 0)
-    collect_coarse(field, spans, count, cuts, segments);
-  else
-    kernel.collect(field, spans, count, cuts, segments);
 }
 
 inline Interval clip_homogeneous(const Volume& volume, const Ray& ray, Interval t) {

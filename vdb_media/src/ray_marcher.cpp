@@ -13,16 +13,15 @@ double grid_integral(const BrickGrid& grid, const Ray& ray, Interval t, const Ma
   const auto entry = enter(grid, ray, t);
   if (!entry) return 0;
   ++counters.rays;
-  const SegmentKernel& kernel = choose_kernel(options.simd);
   const Field field = make_field(grid, entry->ray, options);
   thread_local Segments segments(kSpansAtOnce);
   std::array<Span, kSpansAtOnce> spans;
   int count = 0;
   double sum = 0;
   const auto flush = [&] {
-    collect(kernel, field, spans.data(), count, nullptr, segments);
+    collect(field, spans.data(), count, nullptr, segments);
     counters.segments += segments.count;
-    sum += kernel.integrate(field, segments);
+    sum += integrate(field, segments);
     count = 0;
   };
   walk_bricks(grid, *entry, [&](std::int32_t top, const Vec3i& corner, double begin, double end) {

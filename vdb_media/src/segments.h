@@ -3,16 +3,16 @@
 //
 // A march runs in two passes over plain arrays, which is what vector units want. collect() cuts
 // spans of bricks at every cell's planes; evaluate() reads each segment's eight nodes once. Both
-// exist as scalar code and for AVX-512, operation for operation the same, so their bits agree (a
-// test).
+// give the same bits on every instruction set (a test).
 //
 // In a cell the field is V(m + s d), s in [-1/2, 1/2], around the middle m of a segment that spans
 // d: a cubic in s. Two Gauss points would integrate it exactly (gradients.md 8); its own
 // coefficients do so too, from one set of nodes and with fewer roundings:
 //   mean       = V + (dx dy Vxy + dx dz Vxz + dy dz Vyz) / 12
 //   mean of Vx = Vx + dy dz Vxyz / 12,    mean of s Vx = (dy Vxy + dz Vxz) / 12,    and so on,
-// all derivatives at m. Integrals are these means times the segment's length. Nodes, fractions and these means are floats, crossings and sums doubles:
-// the integral is good to about 1e-7 of its size, and exact to 1e-15 where the field is constant.
+// all derivatives at m. Integrals are these means times the segment's length. Nodes, fractions and
+// these means are floats, crossings and sums doubles: the integral is good to about 1e-7 of its
+// size, and exact to 1e-15 where the field is constant.
 #pragma once
 
 #include <array>
@@ -70,28 +70,26 @@ struct Field {
   double step_voxels = 0;
 };
 
-enum class Want { Mean, MeanAndChange, Gradients };
+enum class Want { MeanAndChange, Gradients };
 
-// One implementation of the two passes.
-struct SegmentKernel {
-  // Replaces the contents of `segments` by those of the spans, in order, `cuts` applied.
-  void (*collect)(const Field& field, const Span* spans, int span_count, const double* cuts,
-                  Segments& segments);
-  // Tiles' segments come out wrong; set_tiles() puts them right.
-  void (*evaluate)(const Field& field, Want want, Segments& segments);
-  // The integral of the field, without tiles: evaluate() for Want::Mean, summed by lanes.
-  double (*integrate)(const Field& field, const Segments& segments);
-};
+// The two passes, by whatever instruction set the CPU has.
+// Replaces the contents of `segments` by those of the spans, in order, `cuts` applied; steps of
+// Field::step_voxels where they are wanted.
+void collect(const Field& field, const Span* spans, int span_count, const double* cuts,
+             Segments& segments);
+// Tiles' segments come out wrong; set_tiles() puts them right.
+void evaluate(const Field& field, Want want, Segments& segments);
+void set_tiles(Segments& segments);
+// The integral of the field, without tiles: the means of evaluate() times lengths, summed by lanes.
+double integrate(const Field& field, const Segments& segments);
 
-const SegmentKernel& scalar_kernel();
-const SegmentKernel* avx512_kernel();  // Null where this CPU has no AVX-512 F, DQ and VL.
-
-// Parts shared by the kernels.
-void collect_coarse(const Field& field, const Span* spans, int span_count, const double* cuts,
-                    Segments& segments);
+// Parts of collect().
+void collect_cells(const Field& field, const Span* spans, int span_count, const double* cuts,
+                   Segments& segments);
 // Pieces of a tile's span, whatever the step.
 void collect_tile(const Span& span, const double* cuts, Segments& segments);
-void set_tiles(Segments& segments);
+// Sets `offset` and `fraction` of the segments from `first` on, which lie in one span, by `middle`.
+void locate(const Field& field, const Span& span, int first, Segments& segments);
 void pad_to_lanes(Segments& segments);
 double sum_lanes(const std::array<double, kLanes>& lanes);
 

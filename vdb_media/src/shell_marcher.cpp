@@ -73,12 +73,11 @@ void ShellMarcher::march_grid(int volume, const Ray& ray, std::span<const double
   });
   if (spans.empty()) return;
 
-  const SegmentKernel& kernel = choose_kernel(options_.simd);
   const Field field = make_field(grid, entry->ray, options_);
   Segments& s = scratch_->segments;
   s.reserve(spans.size());
-  collect(kernel, field, spans.data(), int(spans.size()), cuts.data(), s);
-  kernel.evaluate(field, kGradients ? Want::Gradients : Want::MeanAndChange, s);
+  collect(field, spans.data(), int(spans.size()), cuts.data(), s);
+  evaluate(field, kGradients ? Want::Gradients : Want::MeanAndChange, s);
   set_tiles(s);
   counters.segments += s.count;
 

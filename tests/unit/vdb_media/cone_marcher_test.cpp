@@ -1,11 +1,11 @@
 #include "vdb_media/cone_marcher.h"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 
 #include <cstring>
 
 #include "cone_kernel.h"
+#include "support/instruction_sets.h"
 #include "unit/vdb_media/march_cases.h"
 #include "vdb_media/brick_pyramid.h"
 #include "vdb_media/depth_marcher.h"
@@ -273,27 +273,12 @@ TEST(ConeMarcher, AllInstructionSetsGiveTheSameBits) {
     }
     return all;
   };
-  const std::int64_t here = hwy::SupportedTargets();
   const std::vector<float> expected = bits();
-  std::string tested, lacking;
-  for (const std::int64_t target : {std::int64_t{HWY_STATIC_TARGET}, std::int64_t{HWY_SSE4},
-                                    std::int64_t{HWY_AVX2}, std::int64_t{HWY_AVX3}}) {
-    if (target != HWY_STATIC_TARGET && !(here & target)) {
-      lacking += std::string(" ") + hwy::TargetName(target);
-      continue;
-    }
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+  for_each_instruction_set([&](const char* name) {
     const std::vector<float> found = bits();
-    tested += std::string(" ") + hwy::TargetName(target);
     ASSERT_EQ(found.size(), expected.size());
-    EXPECT_EQ(std::memcmp(found.data(), expected.data(), found.size() * sizeof(float)), 0)
-        << hwy::TargetName(target);
-  }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-  std::printf("instruction sets tested:%s; not on this machine:%s\n", tested.c_str(),
-              lacking.empty() ? " none" : lacking.c_str());
+    EXPECT_EQ(std::memcmp(found.data(), expected.data(), found.size() * sizeof(float)), 0) << name;
+  });
 }
 
 }  // namespace

@@ -3,14 +3,13 @@
 #include <gtest/gtest.h>
 
 #include "core/error.h"
+#include "support/instruction_sets.h"
 #include "unit/vdb_media/march_cases.h"
 
 namespace brume {
 namespace {
 
 using namespace march_cases;
-
-constexpr MarchOptions kScalar{0, Simd::Scalar}, kWide{0, Simd::Avx512};
 
 double integral(const Volume& v, const Ray& ray, Interval t = {}, MarchOptions options = {}) {
   MarchCounters counters;
@@ -109,16 +108,14 @@ TEST(RayMarcher, LinearRampIsExact) {
   const Volume v =
       make_volume(make_grid(Vec3i(0), Vec3i(13), {}, [](const Vec3d& p) { return p.x; }));
   MarchCounters counters;
-  for (const MarchOptions& o : {kScalar, kWide}) {
-    EXPECT_NEAR(integral(v, ray_between(Vec3d(0, 1, 1), Vec3d(4, 1, 1)), {0, 4}, o), 8, 8e-12);
-    EXPECT_NEAR(integral(v, ray_between(Vec3d(0), Vec3d(4)), {0, 4 * std::sqrt(3.0)}, o),
-                8 * std::sqrt(3.0), 14e-12);
-    counters = {};
-    const double six = density_integral(v, {Vec3d(2, 1, 1), Vec3d(1, 0, 0)}, {0, 2}, o, counters);
-    EXPECT_NEAR(six, 6, 6e-12);
-    EXPECT_EQ(counters.segments, 2u);  // One crossing, at t = 1.
-    EXPECT_EQ(counters.rays, 1u);
-  }
+  EXPECT_NEAR(integral(v, ray_between(Vec3d(0, 1, 1), Vec3d(4, 1, 1)), {0, 4}), 8, 8e-12);
+  EXPECT_NEAR(integral(v, ray_between(Vec3d(0), Vec3d(4)), {0, 4 * std::sqrt(3.0)}),
+              8 * std::sqrt(3.0), 14e-12);
+  counters = {};
+  const double six = density_integral(v, {Vec3d(2, 1, 1), Vec3d(1, 0, 0)}, {0, 2}, {}, counters);
+  EXPECT_NEAR(six, 6, 6e-12);
+  EXPECT_EQ(counters.segments, 2u);  // One crossing, at t = 1.
+  EXPECT_EQ(counters.rays, 1u);
 }
 
 TEST(RayMarcher, SingleVoxelIsItsHat) {
@@ -159,26 +156,34 @@ TEST(RayMarcher, AgreesWithTheReference) {
   }
 }
 
-TEST(RayMarcher, ScalarAndWideHaveTheSameBits) {
+TEST(RayMarcher, AllInstructionSetsGiveTheSameBits) {
   const Volume v = make_volume(make_lumps(crooked_map()));
   const Volume w = make_volume(make_lumps(scaling(Vec3d(0.1))));
-  RandomStream random(random_key(4));
-  for (int i = 0; i < 5000; ++i) {
-    for (const Volume* volume : {&v, &w}) {
-      Ray ray = random_ray(volume->world_bounds(), random);
-      if (i % 5 == 1) {  // Along an axis, often on a plane of nodes.
-        ray.direction = Vec3d(i % 3 == 0, i % 3 == 1, i % 3 == 2) * (i % 2 ? 1.0 : -1.0);
-        for (int a = 0; a < 3; ++a) ray.origin[a] = std::round(ray.origin[a] * 10) / 10;
-      }
-      for (const double step : {0.0, 3.0}) {
-        MarchCounters c0, c1;
-        const Interval t{random.uniform() * 5, 5 + random.uniform() * 9};
-        EXPECT_EQ(density_integral(*volume, ray, t, {step, Simd::Scalar}, c0),
-                  density_integral(*volume, ray, t, {step, Simd::Avx512}, c1));
-        EXPECT_EQ(c0.segments, c1.segments);
+  const auto integrals = [&](MarchCounters& counters) {
+    std::vector<double> all;
+    RandomStream random(random_key(4));
+    for (int i = 0; i < 5000; ++i) {
+      for (const Volume* volume : {&v, &w}) {
+        Ray ray = random_ray(volume->world_bounds(), random);
+        if (i % 5 == 1) {  // Along an axis, often on a plane of nodes.
+          ray.direction = Vec3d(i % 3 == 0, i % 3 == 1, i % 3 == 2) * (i % 2 ? 1.0 : -1.0);
+          for (int a = 0; a < 3; ++a) ray.origin[a] = std::round(ray.origin[a] * 10) / 10;
+        }
+        for (const double step : {0.0, 3.0}) {
+          const Interval t{random.uniform() * 5, 5 + random.uniform() * 9};
+          all.push_back(density_integral(*volume, ray, t, {step}, counters));
+        }
       }
     }
-  }
+    return all;
+  };
+  MarchCounters here;
+  const std::vector<double> expected = integrals(here);
+  for_each_instruction_set([&](const char* name) {
+    MarchCounters counters;
+    EXPECT_EQ(integrals(counters), expected) << name;
+    EXPECT_EQ(counters.segments, here.segments) << name;
+  });
 }
 
 TEST(RayMarcher, PartsOfAnIntervalAddUp) {
@@ -334,8 +339,8 @@ TEST(RayMarcher, CoarseStepsAreFewerAndClose) {
   MarchCounters fine, coarse;
   for (int i = 0; i < 200; ++i) {
     const Ray ray = random_ray(Box3d(Vec3d(1), Vec3d(5)), random);
-    const double exact = density_integral(v, ray, {}, {1, Simd::Auto}, fine);
-    EXPECT_NEAR(density_integral(v, ray, {}, {4, Simd::Auto}, coarse), exact, 2e-3);
+    const double exact = density_integral(v, ray, {}, {1}, fine);
+    EXPECT_NEAR(density_integral(v, ray, {}, {4}, coarse), exact, 2e-3);
   }
   EXPECT_LT(coarse.segments, fine.segments * 2 / 3);
 }
@@ -352,74 +357,77 @@ TEST(ShellMarcher, ShellsAreThePartsOfTheIntegral) {
   const Volume grid = make_volume(make_lumps(crooked_map()), RgbD(1, 2, 3)),
                box = make_box(grid.world_bounds().min, grid.world_bounds().center(), RgbD(0.25));
   const Medium medium({grid, box});
-  for (const MarchOptions& options : {kScalar, kWide}) {
-    ShellMarcher marcher(medium, options);
-    RandomStream random(random_key(13));
-    MarchCounters counters;
-    for (int i = 0; i < 200; ++i) {
-      const Ray ray = random_ray(grid.world_bounds(), random);
-      // Shells from far wider than a brick to far narrower than a cell.
-      const int n = i % 3 == 0 ? 5 : i % 3 == 1 ? 60 : 700;
-      const auto edges = even_shells(2, 14, n);
-      const double t_end = i % 4 == 0 ? 8.03 : kInfinity;
-      const std::vector<double> jitter(n, random.uniform());
-      marcher.march(ray, edges, t_end, jitter, i % 2, counters);
-      RgbD tau;
-      for (int s = 0; s < n; ++s) {
-        const double begin = edges[s], end = std::min(edges[s + 1], t_end);
-        if (s >= marcher.shell_count()) {
-          EXPECT_GE(begin, t_end);
-          EXPECT_EQ(marcher.shell(0, s).integral, 0);
-          continue;
-        }
-        EXPECT_LT(begin, t_end);
-        EXPECT_NEAR(marcher.tau(s).g, tau.g, 1e-5);
-        for (int v = 0; v < 2; ++v) {
-          const Volume& volume = medium.volumes()[v];
-          const double expected = integral(volume, ray, {begin, end}, options);
-          const ShellDensity& shell = marcher.shell(v, s);
-          EXPECT_NEAR(shell.integral, expected, 1e-6 * expected + 1e-10);
-          EXPECT_GE(shell.t_sample, begin);
-          EXPECT_LE(shell.t_sample, end);
-          if (shell.integral > 1e-6) {
-            EXPECT_GT(volume.density_at(ray.at(shell.t_sample)), 0);
-          }
-          tau += volume.sigma_t() * expected;
-        }
+  ShellMarcher marcher(medium, {});
+  RandomStream random(random_key(13));
+  MarchCounters counters;
+  for (int i = 0; i < 200; ++i) {
+    const Ray ray = random_ray(grid.world_bounds(), random);
+    // Shells from far wider than a brick to far narrower than a cell.
+    const int n = i % 3 == 0 ? 5 : i % 3 == 1 ? 60 : 700;
+    const auto edges = even_shells(2, 14, n);
+    const double t_end = i % 4 == 0 ? 8.03 : kInfinity;
+    const std::vector<double> jitter(n, random.uniform());
+    marcher.march(ray, edges, t_end, jitter, i % 2, counters);
+    RgbD tau;
+    for (int s = 0; s < n; ++s) {
+      const double begin = edges[s], end = std::min(edges[s + 1], t_end);
+      if (s >= marcher.shell_count()) {
+        EXPECT_GE(begin, t_end);
+        EXPECT_EQ(marcher.shell(0, s).integral, 0);
+        continue;
       }
-      EXPECT_NEAR(marcher.tau(marcher.shell_count()).g, tau.g, 1e-5);
+      EXPECT_LT(begin, t_end);
+      EXPECT_NEAR(marcher.tau(s).g, tau.g, 1e-5);
+      for (int v = 0; v < 2; ++v) {
+        const Volume& volume = medium.volumes()[v];
+        const double expected = integral(volume, ray, {begin, end}, {});
+        const ShellDensity& shell = marcher.shell(v, s);
+        EXPECT_NEAR(shell.integral, expected, 1e-6 * expected + 1e-10);
+        EXPECT_GE(shell.t_sample, begin);
+        EXPECT_LE(shell.t_sample, end);
+        if (shell.integral > 1e-6) {
+          EXPECT_GT(volume.density_at(ray.at(shell.t_sample)), 0);
+        }
+        tau += volume.sigma_t() * expected;
+      }
     }
+    EXPECT_NEAR(marcher.tau(marcher.shell_count()).g, tau.g, 1e-5);
   }
 }
 
-TEST(ShellMarcher, ScalarAndWideHaveTheSameBits) {
-  for (const Affine3d& map : {crooked_map(), scaling(Vec3d(0.1))}) {
-    const Medium medium({make_volume(make_lumps(map), RgbD(1, 2, 3))});
-    RandomStream random(random_key(14));
-    MarchCounters c0, c1;
-    for (const double step : {0.0, 2.5}) {
-      ShellMarcher scalar(medium, {step, Simd::Scalar}), wide(medium, {step, Simd::Avx512});
-      for (int i = 0; i < 1000; ++i) {
-        const Ray ray = random_ray(medium.bounds(), random);
-        const int n = 1 + int(random.uniform() * 100);
-        const auto edges = even_shells(0, 15, n);
-        std::vector<double> jitter;
-        for (int s = 0; s < n; ++s) jitter.push_back(random.uniform());
-        scalar.march(ray, edges, 12.3, jitter, true, c0);
-        wide.march(ray, edges, 12.3, jitter, true, c1);
-        ASSERT_EQ(scalar.shell_count(), wide.shell_count());
-        for (int s = 0; s < scalar.shell_count(); ++s) {
-          ASSERT_EQ(scalar.shell(0, s).integral, wide.shell(0, s).integral);
-          ASSERT_EQ(scalar.shell(0, s).t_sample, wide.shell(0, s).t_sample);
-          ASSERT_EQ(scalar.tau(s + 1), wide.tau(s + 1));
-          ASSERT_EQ(scalar.grad_integral(0, s + 1), wide.grad_integral(0, s + 1));
-          ASSERT_EQ(scalar.grad_moment(0, s + 1), wide.grad_moment(0, s + 1));
+TEST(ShellMarcher, AllInstructionSetsGiveTheSameBits) {
+  const auto bits = [] {
+    std::vector<double> all;
+    MarchCounters counters;
+    for (const Affine3d& map : {crooked_map(), scaling(Vec3d(0.1))}) {
+      const Medium medium({make_volume(make_lumps(map), RgbD(1, 2, 3))});
+      RandomStream random(random_key(14));
+      for (const double step : {0.0, 2.5}) {
+        ShellMarcher marcher(medium, {step});
+        for (int i = 0; i < 1000; ++i) {
+          const Ray ray = random_ray(medium.bounds(), random);
+          const int n = 1 + int(random.uniform() * 100);
+          std::vector<double> jitter;
+          for (int s = 0; s < n; ++s) jitter.push_back(random.uniform());
+          marcher.march(ray, even_shells(0, 15, n), 12.3, jitter, true, counters);
+          for (int s = 0; s < marcher.shell_count(); ++s) {
+            all.push_back(marcher.shell(0, s).integral);
+            all.push_back(marcher.shell(0, s).t_sample);
+            for (int a = 0; a < 3; ++a) {
+              all.push_back(marcher.tau(s + 1)[a]);
+              all.push_back(marcher.grad_integral(0, s + 1)[a]);
+              all.push_back(marcher.grad_moment(0, s + 1)[a]);
+            }
+          }
         }
       }
     }
-    EXPECT_EQ(c0.segments, c1.segments);
-    EXPECT_EQ(c0.rays, c1.rays);
-  }
+    all.push_back(double(counters.segments));
+    return all;
+  };
+  const std::vector<double> expected = bits();
+  EXPECT_GT(expected.size(), 100'000u);
+  for_each_instruction_set([&](const char* name) { EXPECT_EQ(bits(), expected) << name; });
 }
 
 TEST(ShellMarcher, GradientIntegralsAgreeWithTheReference) {

@@ -17,12 +17,8 @@
 
 namespace brume {
 
-// Which code path samples bricks. All give the same bits; Auto takes the widest the CPU has.
-enum class Simd { Auto, Scalar, Avx512 };
-
 struct MarchOptions {
   double step_voxels = 0;  // 0: exact (1).
-  Simd simd = Simd::Auto;
 };
 
 // What was done; one a thread, merged at the end.
