@@ -96,14 +96,13 @@ class Baker {
     return {vector(c.position) + origin_, vector(c.normal), c.offset, c.min_radius};
   }
   // What a gather finds at a record, or found before.
-  void gather(double offset, SurfaceRecord& record, int slot);
+  void gather(const SurfacePoint& point, SurfaceRecord& record, int slot);
   // Gathers at all points, clamps and seals them; false where the bake stops first.
   bool bake_wave(const Points& points, int wave);
   void seal(Records fresh);
   void bake_units(WorkUnits& work);
   std::optional<Records> bake_unit(const WorkUnits& work, WorkUnit unit, int slot);
-  Records bake_batch(std::span<const Candidate> open, const CandidateBatch& batch,
-                     const IrradianceCache& own, int slot);
+  SurfaceRecord bake_in_unit(const SurfacePoint& p, int wave, const IrradianceCache& own, int slot);
   Records with_unfinished(Records records) const;
   void offer_snapshot();
   void report(const std::string& stage, double fraction) const {
@@ -151,9 +150,9 @@ bool Baker::covers(const IrradianceCache& cache, const SurfacePoint& p) const {
   return cache.covers(pixel_query(world_, p.position, p.normal, p.min_radius), kCoveredWithin);
 }
 
-void Baker::gather(double offset, SurfaceRecord& r, int slot) {
+void Baker::gather(const SurfacePoint& p, SurfaceRecord& r, int slot) {
   if (recall(request_.journal, r)) return;
-  maker_.gather(offset, below_, r, slot);
+  maker_.gather(p.offset, below_, r, slot);
   if (request_.journal) request_.journal->add(r);
 }
 
@@ -164,7 +163,7 @@ bool Baker::bake_wave(const Points& points, int wave) {
     if (is_stopped()) return;
     offer_snapshot();
     fresh[i] = maker_.place(points[i], kTopLayer, wave);
-    gather(points[i].offset, fresh[i], slot);
+    gather(points[i], fresh[i], slot);
   });
   if (stopped_) return false;
   maker_.clamp_by_neighbours(fresh, kTopLayer, {cache_.get()});
@@ -267,46 +266,43 @@ void Baker::views() {
   bake_units(work);
 }
 
-// Nothing unless the bake stops within the unit.
+// Nothing where the bake stops within the unit. A record counts as soon as it is made, so that
+// candidates that lie close together, as those of surfaces seen at a grazing angle do, make no
+// clump.
 std::optional<Baker::Records> Baker::bake_unit(const WorkUnits& work, WorkUnit unit, int slot) {
   Records all;
   IrradianceCache own({}, origin_);
   for (std::size_t begin = 0; begin < unit.size();) {
-    const std::uint32_t batch = unit[begin].batch;
-    std::vector<Candidate> open;
-    for (; begin < unit.size() && unit[begin].batch == batch; ++begin)
-      if (!covers(own, point_of(unit[begin]))) open.push_back(unit[begin]);
-    if (open.empty()) continue;
-    const Records fresh = bake_batch(open, work.batch(batch), own, slot);
-    if (stopped_) return std::nullopt;
-    all.insert(all.end(), fresh.begin(), fresh.end());
-    std::sort(all.begin(), all.end(), RecordOrder());
-    own = IrradianceCache(all, origin_);
+    const std::uint32_t index = unit[begin].batch;
+    const CandidateBatch& batch = work.batch(index);
+    Points points;
+    for (; begin < unit.size() && unit[begin].batch == index; ++begin)
+      if (const SurfacePoint p = point_of(unit[begin]); !covers(own, p)) points.push_back(p);
+    if (batch.thinned_to > 0) points = thin(points, batch.thinned_to);
+    for (const SurfacePoint& p : points) {
+      if (is_stopped()) return std::nullopt;
+      offer_snapshot();
+      if (covers(own, p)) continue;
+      all.push_back(bake_in_unit(p, batch.wave, own, slot));
+      if (stopped_) return std::nullopt;
+      std::sort(all.begin(), all.end(), RecordOrder());
+      own = IrradianceCache(all, origin_);
+    }
   }
   return all;
 }
 
-Baker::Records Baker::bake_batch(std::span<const Candidate> open, const CandidateBatch& batch,
-                                 const IrradianceCache& own, int slot) {
-  Points points;
-  for (const Candidate& c : open) points.push_back(point_of(c));
-  if (batch.thinned_to > 0) points = thin(points, batch.thinned_to);
-  Records fresh, found;
-  for (const SurfacePoint& p : points) {
-    if (is_stopped()) return {};
-    offer_snapshot();
-    SurfaceRecord r = maker_.place(p, kTopLayer, batch.wave);
-    if (const auto it = unfinished_.find(r.key); it != unfinished_.end()) {
-      found.push_back(it->second);
-      found.back().flags &= ~kUnfinishedViewFlag;
-      continue;
-    }
-    gather(p.offset, r, slot);
-    fresh.push_back(r);
+SurfaceRecord Baker::bake_in_unit(const SurfacePoint& p, int wave, const IrradianceCache& own,
+                                  int slot) {
+  SurfaceRecord r = maker_.place(p, kTopLayer, wave);
+  if (const auto it = unfinished_.find(r.key); it != unfinished_.end()) {
+    r = it->second;
+    r.flags &= ~kUnfinishedViewFlag;
+    return r;
   }
-  maker_.clamp_by_neighbours(fresh, kTopLayer, {cache_.get(), &own});
-  fresh.insert(fresh.end(), found.begin(), found.end());
-  return fresh;
+  gather(p, r, slot);
+  maker_.clamp_by_neighbours({&r, 1}, kTopLayer, {cache_.get(), &own});
+  return r;
 }
 
 // Units begin in their order, so that those that keep within the record limit are the same ones for

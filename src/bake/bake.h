@@ -147,7 +147,7 @@ bool needs_deep_bake(const World& world, const BakeSettings& settings,
 
 // A pixel's footprint in records: where less wide, records act as if this many pixels wide, both
 // when placing and when rendering.
-inline constexpr double kFootprintPixels = 0.75;
+inline constexpr double kFootprintPixels = 1.5;
 // Along each edge of a pixel, where records may be placed: what is seen within one may differ much.
 inline constexpr int kPointsPerPixel = 2;
 

@@ -18,8 +18,8 @@
 namespace brume {
 namespace {
 
-// Half the cells each way.
-constexpr int kCellsDivisor = 2;
+// Fewer cells each way: what deep records find is averaged by all that see them.
+constexpr double kCellsDivisor = 2.5;
 // Records are first placed so many footprints apart, half as many in each wave that follows: most
 // reach farther than the footprint that asked for them.
 constexpr double kFirstSpacing = 8;
@@ -455,8 +455,9 @@ bool needs_deep_surfaces(const World& world, const BakeSettings& settings, const
 
 BakeSettings deep_settings(const BakeSettings& settings) {
   BakeSettings deep = settings;
-  deep.gather.cells_theta = std::max(4, settings.gather.cells_theta / kCellsDivisor);
-  deep.gather.cells_phi = std::max(8, settings.gather.cells_phi / kCellsDivisor);
+  deep.gather.cells_theta =
+      std::max(4, static_cast<int>(settings.gather.cells_theta / kCellsDivisor));
+  deep.gather.cells_phi = std::max(8, static_cast<int>(settings.gather.cells_phi / kCellsDivisor));
   return deep;
 }
 

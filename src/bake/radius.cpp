@@ -47,7 +47,7 @@ double record_radius(const GatherResult& gather, const Vec3d& normal, double cle
 
 IrradianceQuery pixel_query(const World& world, const Vec3d& position, const Vec3d& normal,
                             double footprint) {
-  constexpr int kMostStretches = 3;
+  constexpr int kMostStretches = 2;
   return {kTopLayer, position, normal, footprint, &world.tracer(), kMostStretches};
 }
 

@@ -81,10 +81,10 @@ GatherResult RecordMaker::gather(double offset, const HitLight& light, SurfaceRe
   return g;
 }
 
-void RecordMaker::clamp_by_neighbours(std::vector<SurfaceRecord>& fresh, int layer,
+void RecordMaker::clamp_by_neighbours(std::span<SurfaceRecord> fresh, int layer,
                                       std::vector<const IrradianceCache*> others) const {
   if (fresh.empty()) return;
-  std::vector<SurfaceRecord> sorted = fresh;
+  std::vector<SurfaceRecord> sorted(fresh.begin(), fresh.end());
   std::sort(sorted.begin(), sorted.end(), RecordOrder());
   const IrradianceCache peers(std::move(sorted), origin_);
   others.push_back(&peers);

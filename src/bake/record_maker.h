@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "bake/bake.h"
@@ -32,7 +33,7 @@ class RecordMaker {
   // A record close to another with a small radius must not reach far past it: R_i <= R_j + |x_i -
   // x_j| (neighbour clamping, Krivanek et al. 2006). Reads the radii of `others` and, as gathered,
   // those of `fresh`, so order plays no part.
-  void clamp_by_neighbours(std::vector<SurfaceRecord>& fresh, int layer,
+  void clamp_by_neighbours(std::span<SurfaceRecord> fresh, int layer,
                            std::vector<const IrradianceCache*> others) const;
 
   Counters counters() const;

@@ -133,7 +133,7 @@ PresetValues preset_values(Preset preset) {
     case Preset::Reference:
       return {48, 151, 0, 0, 0.06, LightDepth::Exact, 256, 32};
   }
-  return {16, 50, 1, 4, 0.15, LightDepth::Volumes, 16, 16};
+  return {20, 64, 1, 4, 0.15, LightDepth::Volumes, 16, 16};
 }
 
 BakeSettings AccuracyOptions::bake_settings(const RenderSettings& scene) const {
@@ -189,7 +189,7 @@ void add_accuracy_options(CLI::App& app, CommandContext& context, AccuracyOption
         const Size2 size = parse_size(option, text, 4096);
         return std::optional<std::pair<int, int>>({size.x, size.y});
       },
-      "Hemisphere cells of a gather, polar by azimuthal (default 16x50)"));
+      "Hemisphere cells of a gather, polar by azimuthal (default 20x64)"));
   setting(add_integer(app, "--shells", options.shells, 0, 4096,
                       "Distance shells of a gather's gradients; 0: as many as the medium needs"));
   setting(add_number(app, "--step-voxels", options.step_voxels, 0, 64,

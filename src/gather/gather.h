@@ -29,7 +29,7 @@ const char* gradient_mode_name(GradientMode mode);
 GradientMode parse_gradient_mode(const std::string& name);
 
 struct GatherOptions {
-  int cells_theta = 16, cells_phi = 50;  // Their product counts; how the cells lie: DirectionCells.
+  int cells_theta = 20, cells_phi = 64;  // Their product counts; how the cells lie: DirectionCells.
   int shells = 0;  // 0: as many as the medium needs, at most kMaxAutomaticShells.
   // Rays march in steps as long as this share of the width that they stand for (ConeMarcher); 0:
   // cell by cell.

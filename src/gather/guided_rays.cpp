@@ -10,9 +10,10 @@ constexpr int kRings = 4;        // Around a lamp, half a cell wide each,
 constexpr int kMostRings = 16;   // and of a beam, a cell wide each up to so many.
 constexpr int kLampsInFull = 4;  // More share the rays of so many.
 constexpr int kFewest = 4;       // A lamp that would get fewer is too faint to stand out.
-constexpr int kPanelRays = 32;   // Of all bright patches.
 constexpr int kFewestOfPanel = 4;
-constexpr std::size_t kMostPanels = kPanelRays / kFewestOfPanel;
+
+// Of all bright patches: more cells do not make what they bring less noisy.
+int panel_rays(const DirectionCells& cells) { return std::max(32, cells.count() / 10); }
 
 }  // namespace
 
@@ -147,11 +148,13 @@ void GuidedRays::draw_patches(const Vec3d& origin, const Frame& frame, const Dir
   RandomStream own(random_key(RandomStream(random).bits(), 0x7061746368ULL));
   patches_.visible_from(origin, is_sphere ? Vec3d(0.0) : frame.n, width * width,
                         RandomStream(own.bits()), counters, visible_);
-  if (visible_.size() > kMostPanels) visible_.resize(kMostPanels);
+  const int rays = panel_rays(cells);
+  const auto most = static_cast<std::size_t>(rays / kFewestOfPanel);
+  if (visible_.size() > most) visible_.resize(most);
   int seen = 0;
   for (const BrightPatch& patch : visible_) seen += patch.seen;
   for (const BrightPatch& patch : visible_) {
-    const int count = std::max(kFewestOfPanel, kPanelRays * patch.seen / seen);
+    const int count = std::max(kFewestOfPanel, rays * patch.seen / seen);
     panels_.emplace_back(patch, origin, count);
     const int target = static_cast<int>(lamps_.size() + panels_.size()) - 1;
     for (int i = 0; i < count; ++i) {

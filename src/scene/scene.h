@@ -31,7 +31,7 @@ struct RenderSettings {
   // Nothing: auto. Until volume records exist auto is 1.
   std::optional<int> volume_bounces;
   std::uint64_t seed = 1;
-  int cells_theta = 16, cells_phi = 50;
+  int cells_theta = 20, cells_phi = 64;
   int shells = 0;          // 0: automatic.
   double footprint = 1;
   int lamp_samples = 4;    // 0: all.

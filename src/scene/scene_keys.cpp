@@ -428,7 +428,7 @@ const ObjectSchema& render_object() {
        {"seed", KeyType::Integer, "Of all random numbers.", false, "1",
         NumberRange{0, 9007199254740992.0}},
        {"cells", KeyType::Integers, "Hemisphere strata of a gather: along theta and phi.", false,
-        "[16, 50]", NumberRange{1, 4096}, 2},
+        "[20, 64]", NumberRange{1, 4096}, 2},
        {"shells", KeyType::Integer, "Shells of a gather's march; 0 is automatic.", false, "0",
         NumberRange{0, 65536}},
        {"footprint", KeyType::Number,

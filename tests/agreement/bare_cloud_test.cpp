@@ -51,8 +51,8 @@ TEST(BareCloud, IsAsBrightAsPathTracingSays) {
   camera.look_at = {0.5, 0.5, 0.5};
   camera.fov_deg = 24;
   BakeSettings settings = test::coarse_settings();
-  settings.gather.cells_theta = 16;
-  settings.gather.cells_phi = 50;
+  settings.gather.cells_theta = 20;
+  settings.gather.cells_phi = 64;
   const test::Stage stage(scene, settings);
   const BakeView view{"view", camera, 32, 32};
   const BakeResult baked = stage.bake(view);

@@ -7,6 +7,8 @@ namespace brume::test {
 
 inline BakeSettings far_settings(int bounces) {
   BakeSettings s = coarse_settings(bounces);
+  s.gather.cells_theta = 10;
+  s.gather.cells_phi = 32;
   s.max_radius = kInfinity;
   return s;
 }
