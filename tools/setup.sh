@@ -17,7 +17,8 @@ packages=(
 case "${1:-}" in
   "") ;;
   --dev)
-    packages+=(libgtest-dev libgmock-dev libbenchmark-dev libnanovdb-dev python3 ccache)
+    packages+=(libgtest-dev libgmock-dev libbenchmark-dev libnanovdb-dev python3 python3-numpy python3-openimageio ccache
+      g++-aarch64-linux-gnu) # to compile the kernels for NEON
     # Pages are looked at in a browser; Ubuntu has none but as a snap, and their tests are skipped there.
     if grep -qx 'ID=debian' /etc/os-release; then packages+=(chromium); fi
     ;;

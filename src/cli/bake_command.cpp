@@ -121,9 +121,10 @@ int bake_scene(const BakeOptions& options, const CommandContext& context) {
   if (options.everywhere && !options.views.empty())
     throw Error(ErrorKind::Usage, "--everywhere: needs no views: leave out --views");
   if (options.deep_only && (options.everywhere || !options.views.empty() || options.shard))
-    throw Error(ErrorKind::Usage,
-                "--deep-only: covers no views and is one piece: leave out --views, --everywhere and "
-                "--shard");
+    throw Error(
+        ErrorKind::Usage,
+        "--deep-only: covers no views and is one piece: leave out --views, --everywhere and "
+        "--shard");
   require_sense(options.check);
   if (options.check.max_rmse && (options.deep_only || options.shard))
     throw Error(ErrorKind::Usage,
@@ -161,9 +162,10 @@ int bake_scene(const BakeOptions& options, const CommandContext& context) {
     std::optional<AnswerCheck> check;
     if (options.check.is_asked_for()) {
       const Lighting lighting = make_lighting();
-      check = tell_check(check_request(options.check, lighting, settings, *session.existing(),
-                                       request, nullptr, statistics),
-                         *session.existing(), context, statistics);
+      check =
+          tell_check(check_request(options.check, lighting, settings, *session.existing(), request,
+                                   nullptr, session.known_check(request_hash(request)), statistics),
+                     *session.existing(), context, statistics);
     }
     report(context, session, statistics, false);
     require_max_rmse(options.check, check, session.file().string());
@@ -174,8 +176,8 @@ int bake_scene(const BakeOptions& options, const CommandContext& context) {
   request.snapshot_requested = SignalWatch::take_hangup;
   request.snapshot = [&](std::shared_ptr<const IrradianceCache> cache, const DeepStats& deep) {
     session.save_snapshot(*cache, deep);
-    context.note(printable(session.file().string()) + ": " +
-                 std::to_string(cache->size()) + " records so far");
+    context.note(printable(session.file().string()) + ": " + std::to_string(cache->size()) +
+                 " records so far");
   };
   const Lighting lighting = make_lighting();
   statistics.describe(lighting, plan_effects(world, settings.bounces, settings.volume_bounces));
@@ -188,8 +190,9 @@ int bake_scene(const BakeOptions& options, const CommandContext& context) {
   if (!baked.is_stopped) progress.finish();
   std::optional<CheckedRequest> checked;
   if (!baked.is_stopped)
-    checked = check_request(options.check, lighting, settings, *baked.cache, request,
-                            baked.scattered, statistics);
+    checked =
+        check_request(options.check, lighting, settings, *baked.cache, request, baked.scattered,
+                      session.known_check(request_hash(request)), statistics);
   const bool is_saved =
       statistics.timed("write", [&] { return session.save(baked, request, checked); });
   const auto check = tell_check(checked, *baked.cache, context, statistics);

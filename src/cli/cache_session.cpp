@@ -250,12 +250,17 @@ bool CacheSession::save(const BakeResult& baked, const BakeRequest& request,
   return is_written;
 }
 
+std::optional<CheckedRequest> CacheSession::known_check(std::uint64_t request) const {
+  for (CheckedRequest& checked : read_checks(notes_.checks))
+    if (checked.request == request) return std::move(checked);
+  return std::nullopt;
+}
+
 CacheNotes CacheSession::notes(const DeepStats& deep,
                                const std::optional<CheckedRequest>& checked) const {
   CacheNotes notes = notes_;
   if (deep.is_solved()) notes.solve = deep.to_json();
-  if (checked)
-    notes.checks = checks_text(united(read_checks(notes.checks), {*checked}));
+  if (checked) notes.checks = checks_text(united(read_checks(notes.checks), {*checked}));
   return notes;
 }
 

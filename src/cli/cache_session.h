@@ -57,6 +57,9 @@ class CacheSession {
   // What the file held and the mode keeps; null for nothing.
   std::shared_ptr<const IrradianceCache> existing() const { return existing_; }
 
+  // What the file says of how true its answers to a request are (request_hash).
+  std::optional<CheckedRequest> known_check(std::uint64_t request) const;
+
   // From here to save() nobody else writes the file, and `request` notes its gathers beside it.
   // Throws Error(Stopped) while somebody else does.
   void begin(const World& world, const JournalOptions& options, BakeRequest& request);

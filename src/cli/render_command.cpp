@@ -85,7 +85,8 @@ class RenderRun {
   int render_with_records(const World& world, const CameraRays& rays);
   int render_with_paths(const World& world, const CameraRays& rays);
   BakeRequest request_of_view() const;
-  void check_answers_of_view(const Lighting& lighting, const BakeSettings& settings);
+  void check_answers_of_view(const Lighting& lighting, const BakeSettings& settings,
+                             const CacheSession& session);
   int bake_view(const Lighting& lighting, const BakeSettings& settings, CacheSession& session);
   void write_images(const World& world, const CameraRays& rays);
   void summarise() const;
@@ -142,10 +143,12 @@ BakeRequest RenderRun::request_of_view() const {
   return request;
 }
 
-void RenderRun::check_answers_of_view(const Lighting& lighting, const BakeSettings& settings) {
+void RenderRun::check_answers_of_view(const Lighting& lighting, const BakeSettings& settings,
+                                      const CacheSession& session) {
+  const BakeRequest request = request_of_view();
   if (!options_.pixel)
-    checked_ = check_request(options_.check, lighting, settings, *cache_, request_of_view(),
-                             scattered_, statistics_);
+    checked_ = check_request(options_.check, lighting, settings, *cache_, request, scattered_,
+                             session.known_check(request_hash(request)), statistics_);
 }
 
 int RenderRun::bake_view(const Lighting& lighting, const BakeSettings& settings,
@@ -163,14 +166,14 @@ int RenderRun::bake_view(const Lighting& lighting, const BakeSettings& settings,
     };
   }
   cache_ = session.existing();
-  const BakeResult baked = statistics_.timed(
-      "bake", [&] { return bake(lighting, settings, request, cache_.get()); });
+  const BakeResult baked =
+      statistics_.timed("bake", [&] { return bake(lighting, settings, request, cache_.get()); });
   statistics_.add_bake(baked.stats);
   statistics_.describe(baked.deep);
   cache_ = baked.cache;
   scattered_ = baked.scattered;
   if (!baked.is_stopped) progress_.finish();
-  if (!baked.is_stopped) check_answers_of_view(lighting, settings);
+  if (!baked.is_stopped) check_answers_of_view(lighting, settings, session);
   const bool is_saved =
       statistics_.timed("write", [&] { return session.save(baked, request, checked_); });
   if (is_saved)
@@ -192,7 +195,7 @@ int RenderRun::render_with_records(const World& world, const CameraRays& rays) {
   if (const int stopped = bake_view(lighting, settings, session)) return stopped;
   cache_fingerprint_ = session.fingerprint();
   statistics_.records = cache_->size();
-  if (!checked_) check_answers_of_view(lighting, settings);
+  if (!checked_) check_answers_of_view(lighting, settings, session);
   check_ = tell_check(checked_, *cache_, context_, statistics_);
 
   CachedRenderOptions render;

@@ -66,11 +66,13 @@ std::optional<CheckedRequest> check_request(const SelfCheckOptions& options,
                                             const Lighting& lighting, const BakeSettings& settings,
                                             const IrradianceCache& cache,
                                             const BakeRequest& request, const Scattered& scattered,
+                                            const std::optional<CheckedRequest>& known,
                                             Statistics& statistics) {
   const int count = options.points.value_or(kCheckedPoints);
   if (count == 0 || request.deep_only) return std::nullopt;
   CheckedRequest checked = statistics.timed("verify", [&] {
-    return check_answers(lighting, settings, cache, request, count, scattered);
+    return check_answers(lighting, settings, cache, request, count, scattered,
+                         known ? &*known : nullptr);
   });
   if (checked.points.empty()) return std::nullopt;
   return checked;

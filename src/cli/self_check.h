@@ -22,11 +22,13 @@ void add_self_check_options(CLI::App& verb, CommandContext& context, SelfCheckOp
 // Throws Error(Usage) for a threshold without points.
 void require_sense(const SelfCheckOptions& options);
 
-// Checks where `request` asks; nothing where that is switched off or only deep records are wanted.
+// Checks where `request` asks, by truths that are known where they are (CacheSession::known_check());
+// nothing where that is switched off or only deep records are wanted.
 std::optional<CheckedRequest> check_request(const SelfCheckOptions& options,
                                             const Lighting& lighting, const BakeSettings& settings,
                                             const IrradianceCache& cache,
                                             const BakeRequest& request, const Scattered& scattered,
+                                            const std::optional<CheckedRequest>& known,
                                             Statistics& statistics);
 
 // Tells the result, in statistics as "verification", with a warning where it is doubtful; nothing

@@ -47,6 +47,20 @@ void find_records(const World& world, const IrradianceCache& cache, CheckedPoint
   }
 }
 
+bool is_of_shard(std::size_t point, const Shard& shard) {
+  return point % shard.count == shard.index;
+}
+
+bool knows_truths(const CheckedRequest& known, std::uint64_t request,
+                  const std::vector<AskedPoint>& asked, const Shard& shard) {
+  if (known.request != request || known.points.size() != asked.size()) return false;
+  for (std::size_t i = 0; i < asked.size(); ++i)
+    if (is_of_shard(i, shard) &&
+        (known.points[i].truth.paths == 0 || known.points[i].position != asked[i].hit.position))
+      return false;
+  return true;
+}
+
 double work_of(const IrradiancePaths& paths) {
   return double(paths.rays()) + kLookupWork * double(paths.lookups());
 }
@@ -89,7 +103,7 @@ std::vector<AskedPoint> asked_points(const World& world, const BakeRequest& requ
 
 CheckedRequest check_answers(const Lighting& lighting, const BakeSettings& settings,
                              const IrradianceCache& cache, const BakeRequest& request, int count,
-                             const Scattered& scattered) {
+                             const Scattered& scattered, const CheckedRequest* known) {
   const World& world = lighting.world();
   const int threads = request.threads;
   const Effects effects = plan_effects(world, settings.bounces, settings.volume_bounces);
@@ -97,9 +111,8 @@ CheckedRequest check_answers(const Lighting& lighting, const BakeSettings& setti
   if (!effects.indirect) return checked;
   const std::vector<AskedPoint> asked = asked_points(world, request, count, settings.seed);
   checked.points.resize(asked.size());
-  const auto is_ours = [&](std::size_t i) {
-    return i % request.shard.count == request.shard.index;
-  };
+  const auto is_ours = [&](std::size_t i) { return is_of_shard(i, request.shard); };
+  const bool is_known = known && knows_truths(*known, checked.request, asked, request.shard);
   const auto key_of = [&](std::size_t i) { return random_key(settings.seed, 0x7472757468ULL, i); };
   const std::size_t slots = static_cast<std::size_t>(resolve_thread_count(threads));
 
@@ -117,6 +130,10 @@ CheckedRequest check_answers(const Lighting& lighting, const BakeSettings& setti
     point.normal = asked[i].normal;
     point.footprint = asked[i].footprint;
     find_records(world, cache, point);
+    if (is_known) {
+      point.truth = known->points[i].truth;
+      return;
+    }
     IrradiancePaths& tracer = paths_of(slot);
     const double before = work_of(tracer);
     tracer.follow(asked[i].hit, asked[i].normal, key_of(i), kPilotPaths, point.truth);
@@ -140,7 +157,8 @@ CheckedRequest check_answers(const Lighting& lighting, const BakeSettings& setti
       point.truth = {};
       return;
     }
-    paths_of(slot).follow(asked[i].hit, asked[i].normal, key_of(i), most, point.truth);
+    if (!is_known)
+      paths_of(slot).follow(asked[i].hit, asked[i].normal, key_of(i), most, point.truth);
     if (point.stretches != CheckedPoint::kNobody) return;
     auto& gatherer = gatherers[static_cast<std::size_t>(slot)];
     if (!gatherer)

@@ -69,6 +69,7 @@ HWY_INLINE void to_doubles(VF v, VD* to) {
 // Eight numbers.
 constexpr int kRegisters = kRow / kDoubles;
 struct Row {
+  HWY_INLINE Row() {}  // One that the compiler adds would not be of this instruction set.
   VD v[kRegisters];
 };
 
@@ -132,6 +133,7 @@ HWY_INLINE Pair merge(const Row& a, const Row& b) {
 
 // The crossings of one axis with a brick's first eight planes, ascending and held to the span.
 struct Crossings {
+  HWY_INLINE Crossings() {}
   Row t;
   int before = 0, inside = 0;  // How many are not past the span's begin, and how many within it.
 };

@@ -79,6 +79,31 @@ TEST(AnswerCheck, IsTheSameForAnyNumberOfThreadsAndParts) {
   EXPECT_EQ(parts, CheckedRequests{one});
 }
 
+// A second frame asks records anew, and no paths.
+TEST(AnswerCheck, TakesOverKnownTruthsOfTheSamePoints) {
+  const Stage stage(test::block_on_ground(10), test::far_settings(2));
+  const auto cache = stage.bake(test::view_of_block()).cache;
+  const BakeRequest request = request_of(test::view_of_block());
+  const auto checked = [&](int points, const CheckedRequest* known) {
+    return check_answers(stage.lighting, stage.settings, *cache, request, points, nullptr, known);
+  };
+  const CheckedRequest traced = checked(16, nullptr);
+  CheckedRequest known = traced;
+  for (CheckedPoint& point : known.points) {
+    point.truth.half[0] *= 2;
+    point.keys.clear();
+  }
+  const CheckedRequest again = checked(16, &known);
+  ASSERT_EQ(again.points.size(), 16u);
+  for (std::size_t i = 0; i < 16; ++i) {
+    EXPECT_EQ(again.points[i].truth, known.points[i].truth);
+    EXPECT_EQ(again.points[i].keys, traced.points[i].keys);
+  }
+  EXPECT_EQ(checked(8, &known), checked(8, nullptr));
+  known.points[3].truth = {};
+  EXPECT_EQ(checked(16, &known), traced);
+}
+
 // What the file says is what the picture takes.
 TEST(AnswerCheck, AnswersAreThoseOfPixelQueries) {
   const Stage stage(test::block_on_ground(10), test::far_settings(2));
