@@ -154,6 +154,11 @@ class Bench:
         # Before footprints and drawn lamp samples it was 0.0145 of them (docs/decisions/0014).
         tell("gather in a medium: of what it was", speed["MediumGather/full:1"] / bare / 0.0145, 6, unit="times")
 
+    def gradients(self):
+        _, text = cpu([os.path.join(self.build, "bin/gradient_cost"), self.scenes()["demo"], "9", "100"])
+        tell("gradients in media: cost of a gather, of Ward-Heckbert's", float(text.split("ward-heckbert ")[1].split()[0]), 1.04,
+             True, "times")
+
     def threads(self):
         scenes = self.scenes(); scene = scenes.get("cornell_smoke1") or scenes["demo"]
         loop = "import hashlib\nfor _ in range(40): hashlib.pbkdf2_hmac('sha256', b'a', b'b', 100000)"
@@ -178,7 +183,7 @@ def main():
     parser.add_argument("--only"), parser.add_argument("--make-references", action="store_true")
     a = parser.parse_args(); bench = Bench(a.build, a.shared, a.out)
     if a.make_references: return bench.make_references()
-    parts = {n: getattr(bench, n) for n in ("races", "box", "drafts", "marches", "gathers", "threads")}
+    parts = {n: getattr(bench, n) for n in ("races", "box", "drafts", "marches", "gathers", "gradients", "threads")}
     for name in a.only.split(",") if a.only else parts: parts[name]()
     with open(os.path.join(a.out, "bench.json"), "w") as f: json.dump(rows, f, indent=1)
 
