@@ -3,15 +3,21 @@
 #include <algorithm>
 #include <array>
 
+#include "core/lattice.h"
 #include "gather/surface_light.h"
 
 namespace brume {
 namespace {
 
-constexpr int kRays = 2048;       // Of all lamps.
-constexpr int kNeighbours = 12;   // A place reaches to as many other rays' ends.
-constexpr double kBright = 8;     // Times what the lit surfaces receive in the mean.
-constexpr int kTried = 256;       // From each receiver.
+constexpr int kRays = 2048;        // Of all lamps.
+constexpr int kNeighbours = 12;    // A place reaches to as many other rays' ends.
+constexpr double kBright = 8;      // Times what the lit surfaces receive in the mean.
+constexpr int kTried = 256;        // From each receiver.
+constexpr int kRefinements = 2;    // Of each small rectangle that holds what is seen of a patch.
+constexpr double kWider = 2;       // Times a patch, where more of it is looked for:
+constexpr double kAsBright = 0.1;  // Times as bright as the brightest point, at least.
+constexpr std::size_t kFewestPoints = 3;  // That tell a rectangle.
+constexpr std::size_t kMostRefined = 3;   // Patches, the most seen.
 constexpr double kCloseBy = 2;    // Radii apart that places may be and still be of one patch.
 constexpr double kSameWay = 0.8;  // Cosine between their normals, at least.
 
@@ -103,7 +109,7 @@ BrightPatch BrightPatches::patch_of(std::span<const Place* const> places) {
 }
 
 void BrightPatches::visible_from(const Vec3d& origin, const Vec3d& normal, double solid_angle,
-                                 RandomStream random, Counters& counters,
+                                 std::size_t pilots, RandomStream random, Counters& counters,
                                  std::vector<BrightPatch>& visible) const {
   visible.clear();
   std::vector<double> up_to;
@@ -159,6 +165,106 @@ void BrightPatches::visible_from(const Vec3d& origin, const Vec3d& normal, doubl
   }
   std::stable_sort(visible.begin(), visible.end(),
                    [](const BrightPatch& a, const BrightPatch& b) { return a.seen > b.seen; });
+  const std::size_t coarse = std::min(visible.size(), kMostRefined);
+  for (std::size_t i = 0; i < coarse; ++i)
+    refine(BrightPatch(visible[i]), pilots, origin, random, counters, visible);
+}
+
+// Past an edge, as through a slit, much less of a patch may be seen than lies between the places
+// that are: adds the smaller rectangles that hold what is.
+void BrightPatches::refine(const BrightPatch& coarse, std::size_t pilots, const Vec3d& origin,
+                           RandomStream& random, Counters& counters,
+                           std::vector<BrightPatch>& patches) const {
+  std::vector<Place> points;
+  bright_points(coarse, 1, pilots, origin, random, counters, points);
+  if (points.size() < kFewestPoints || points.size() > pilots / 4) return;
+  std::vector<const Place*> all;
+  for (const Place& p : points) all.push_back(&p);
+  const int seen = static_cast<int>(points.size());
+  std::vector<BrightPatch> parts;
+  split(all, 2, parts);
+  for (BrightPatch& part : parts) {
+    const int share = part.seen;
+    for (int pass = 0; pass < kRefinements; ++pass) {
+      bright_points(part, kWider, pilots / 2, origin, random, counters, points);
+      if (points.size() < kFewestPoints) break;
+      all.clear();
+      for (const Place& p : points) all.push_back(&p);
+      part = patch_of(all);
+    }
+    part.seen = std::max(1, coarse.seen * share / seen);
+    patches.push_back(part);
+  }
+}
+
+// Of points all over a patch, `wider` times as wide, those that are seen and not much darker than
+// the brightest is.
+void BrightPatches::bright_points(const BrightPatch& patch, double wider, std::size_t pilots,
+                                  const Vec3d& origin, RandomStream& random, Counters& counters,
+                                  std::vector<Place>& points) const {
+  std::vector<ShadowRay> rays(pilots);
+  std::vector<std::uint8_t> occluded(pilots);
+  std::vector<double> brightness(pilots, 0.0);
+  const Vec2d shift = random.uniform2();
+  points.resize(pilots);
+  for (std::size_t i = 0; i < pilots; ++i) {
+    const Vec2d u = lattice_point(double(i), shift);
+    Place& p = points[i];
+    p = {patch.centre + patch.u * (wider * (2 * u.x - 1)) + patch.v * (wider * (2 * u.y - 1)),
+         patch.normal, 2 * wider * patch.v.length() / double(pilots)};
+    const Vec3d to = p.position - origin;
+    const double d = to.length();
+    rays[i] = {origin, to / d, d * (1 - 1e-3)};
+  }
+  world_.tracer().is_occluded(rays, occluded);
+  counters.shadow_rays += rays.size();
+  for (std::size_t i = 0; i < pilots; ++i) {
+    if (occluded[i]) continue;
+    const Vec2d of_light = lattice_point(double(i), {shift.y, shift.x});
+    for (const auto& light : world_.lights()) {
+      const LightSample s = light->sample(points[i].position, of_light);
+      brightness[i] += luminance(s.weight) * std::max(0.0, patch.normal.dot(s.direction));
+    }
+  }
+  const double least = kAsBright * *std::max_element(brightness.begin(), brightness.end());
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < pilots; ++i)
+    if (!occluded[i] && brightness[i] >= least) points[kept++] = points[i];
+  points.resize(kept);
+}
+
+// One rectangle around points, or several where they hold much less, as around an L.
+void BrightPatches::split(std::span<const Place*> places, int depth,
+                          std::vector<BrightPatch>& patches) {
+  const BrightPatch whole = patch_of(places);
+  const std::size_t n = places.size();
+  double least = 0.5 * whole.area();
+  std::size_t best = 0;
+  bool best_along_u = true;
+  const auto sort_along = [&](const Vec3d& axis) {
+    std::stable_sort(places.begin(), places.end(), [&](const Place* a, const Place* b) {
+      return a->position.dot(axis) < b->position.dot(axis);
+    });
+  };
+  if (depth > 0 && n >= 2 * kFewestPoints) {
+    for (const bool along_u : {true, false}) {
+      sort_along(along_u ? whole.u : whole.v);
+      for (std::size_t k = kFewestPoints; k + kFewestPoints <= n; k += 1 + n / 16) {
+        const double area = patch_of(places.first(k)).area() + patch_of(places.subspan(k)).area();
+        if (area >= least) continue;
+        least = area;
+        best = k;
+        best_along_u = along_u;
+      }
+    }
+  }
+  if (best == 0) {
+    patches.push_back(whole);
+    return;
+  }
+  sort_along(best_along_u ? whole.u : whole.v);
+  split(places.first(best), depth - 1, patches);
+  split(places.subspan(best), depth - 1, patches);
 }
 
 }  // namespace brume

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstdint>
 
+#include "core/lattice.h"
+
 namespace brume {
 namespace {
 
@@ -10,8 +12,6 @@ constexpr int kCellsAtTheNormal = 3;
 // Cells are max(1, kWideness sin^2 theta) times as wide as they are high: most of what stands on or
 // near the receiver's plane has upright edges, which short walls between wide cells follow best.
 constexpr double kWideness = 3;
-// Powers of the inverse of the real root of x^3 = x + 1 [Rob18].
-constexpr double kLattice1 = 0.7548776662466927, kLattice2 = 0.5698402909980532;
 
 Vec3d spherical(double s, double phi, double c) {
   return {s * std::cos(phi), s * std::sin(phi), c};
@@ -139,8 +139,8 @@ Vec3d DirectionCells::direction(int c, const Vec2d& shift) const {
   const int row = ring_of_[c];
   const Ring& ring = rings_[row];
   const int column = c - ring.first;
-  const double up = fraction(shift.x + row * kLattice1 + column * kLattice2);
-  const double along = fraction(shift.y + row * kLattice2 + column * kLattice1);
+  const double up = fraction(shift.x + row * kLatticeX + column * kLatticeY);
+  const double along = fraction(shift.y + row * kLatticeY + column * kLatticeX);
   const Latitude at = latitude(ring.begin + (ring.end - ring.begin) * up);
   return spherical(at.sine, (column + along) * (2 * kPi / ring.count), at.cosine);
 }

@@ -10,7 +10,7 @@ constexpr int kRings = 4;        // Around a lamp, half a cell wide each,
 constexpr int kMostRings = 16;   // and of a beam, a cell wide each up to so many.
 constexpr int kLampsInFull = 4;  // More share the rays of so many.
 constexpr int kFewest = 4;       // A lamp that would get fewer is too faint to stand out.
-constexpr int kFewestOfPanel = 4;
+constexpr int kFewestOfPanel = 8;
 
 // Of all bright patches: more cells do not make what they bring less noisy.
 int panel_rays(const DirectionCells& cells) { return std::max(32, cells.count() / 10); }
@@ -145,10 +145,11 @@ void GuidedRays::draw_patches(const Vec3d& origin, const Frame& frame, const Dir
                               const RandomStream& random, Counters& counters) {
   const bool is_sphere = cells.domain() == DirectionDomain::Sphere;
   const double width = 2 * cells.spread();
+  const int rays = panel_rays(cells);
   RandomStream own(random_key(RandomStream(random).bits(), 0x7061746368ULL));
   patches_.visible_from(origin, is_sphere ? Vec3d(0.0) : frame.n, width * width,
-                        RandomStream(own.bits()), counters, visible_);
-  const int rays = panel_rays(cells);
+                        2 * static_cast<std::size_t>(rays), RandomStream(own.bits()), counters,
+                        visible_);
   const auto most = static_cast<std::size_t>(rays / kFewestOfPanel);
   if (visible_.size() > most) visible_.resize(most);
   int seen = 0;

@@ -1,5 +1,7 @@
 #include "gather/medium_source.h"
 
+#include "core/lattice.h"
+
 namespace brume {
 namespace {
 
@@ -53,15 +55,10 @@ void MediumSource::use_lamp_samples(int most, bool near, RandomStream random) {
     lamp_points_.push_back({random.uniform2(), 0});
 }
 
-// Points of a plane lattice whose steps are powers of 1 over the plastic number: any run of them is
-// even.
 Vec2d MediumSource::lamp_point(int light, RandomStream& random) {
   if (lamp_points_.empty()) return random.uniform2();
-  constexpr double kStepX = 0.7548776662466927, kStepY = 0.5698402909980532;
   LampPoints& points = lamp_points_[static_cast<std::size_t>(light)];
-  const double n = points.count++;
-  const double x = points.shift.x + n * kStepX, y = points.shift.y + n * kStepY;
-  return {x - std::floor(x), y - std::floor(y)};
+  return lattice_point(points.count++, points.shift);
 }
 
 // Every pair of a shell that scatters and a light that shines there.

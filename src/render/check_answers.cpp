@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "core/lattice.h"
 #include "core/parallel.h"
 #include "core/random.h"
 #include "geom/surface_area.h"
@@ -78,11 +79,10 @@ std::vector<AskedPoint> asked_points(const World& world, const BakeRequest& requ
   for (const BakeView& view : request.views)
     cameras.emplace_back(view.camera, view.width, view.height);
   if (!request.everywhere && cameras.empty()) return points;
-  // A lattice of the golden ratio's kin, whose first points are as evenly spread as all [Rob18].
+  // Its first points are as evenly spread as all.
   const Vec2d shift = random.uniform2();
   for (int i = 0; i < kTries * count && static_cast<int>(points.size()) < count; ++i) {
-    const Vec2d at(std::fmod(shift.x + 0.7548776662466927 * i, 1.0),
-                   std::fmod(shift.y + 0.5698402909980532 * i, 1.0));
+    const Vec2d at = lattice_point(i, shift);
     AskedPoint point;
     if (request.everywhere) {
       point.hit = surfaces.point(at.x, random.uniform2());

@@ -220,7 +220,7 @@ TEST(BrightPatches, LieWhereALampIsNear) {
   ASSERT_FALSE(patches.empty());
   Counters counters;
   std::vector<BrightPatch> seen;
-  patches.visible_from({2.8, 2.7, 5.4}, {0, 0, -1}, 0.01, RandomStream(1), counters, seen);
+  patches.visible_from({2.8, 2.7, 5.4}, {0, 0, -1}, 0.01, 256, RandomStream(1), counters, seen);
   ASSERT_FALSE(seen.empty());
   const BrightPatch& first = seen.front();
   EXPECT_NEAR(first.centre.y, 3, 1e-4);
@@ -228,10 +228,35 @@ TEST(BrightPatches, LieWhereALampIsNear) {
   EXPECT_LT(first.normal.y, -0.99);
   EXPECT_NEAR(first.u.dot(first.v), 0, 1e-9);
   // Not from below the lamp, nor behind the receiver's own surface.
-  patches.visible_from({2.75, 2.9, 2.75}, {0, 1, 0}, 0.01, RandomStream(2), counters, seen);
+  patches.visible_from({2.75, 2.9, 2.75}, {0, 1, 0}, 0.01, 256, RandomStream(2), counters, seen);
   EXPECT_TRUE(seen.empty());
-  patches.visible_from({2.8, 2.7, 5.4}, {0, 0, 1}, 0.01, RandomStream(3), counters, seen);
+  patches.visible_from({2.8, 2.7, 5.4}, {0, 0, 1}, 0.01, 256, RandomStream(3), counters, seen);
   EXPECT_TRUE(seen.empty());
+}
+
+// From a corner two edges of the lamp show what lies above: strips a tenth and less of what lies
+// between the places found.
+TEST(BrightPatches, FitWhatIsSeenPastEdges) {
+  const World world(room_with_a_slit());
+  const BrightPatches patches(world);
+  const DirectionCells cells(1280);
+  GuidedRays rays(world, plan_effects(world, 1, 1), patches);
+  for (const Vec3d& receiver : {Vec3d(2.8, 2.4, 5.4), Vec3d(1.0, 2.5, 5.4)}) {
+    int drawn = 0, bright = 0;
+    for (int s = 0; s < 20; ++s) {
+      Counters counters;
+      rays.draw(receiver, Frame(Vec3d(0, 0, -1)), cells, true, RandomStream(random_key(14, s)),
+                counters);
+      for (const GuidedRay& ray : rays.rays()) {
+        const Vec3d at = world.tracer().intersect({receiver, ray.direction}).position;
+        const bool is_above_lamp =
+            at.y > 2.999 && at.x > 2.08 && at.x < 3.42 && at.z > 2.18 && at.z < 3.32;
+        drawn += 1;
+        bright += is_above_lamp;
+      }
+    }
+    EXPECT_GT(bright, 0.3 * drawn) << receiver << ": " << bright << " of " << drawn;
+  }
 }
 
 TEST(BrightPatches, AreNoneInAnEvenlyLitRoomOrUnderASky) {
