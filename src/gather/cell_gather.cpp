@@ -88,7 +88,7 @@ void CellGather::trace(const HitLight& light, Counters& counters) {
   world_.tracer().intersect(rays_, hits_);
   counters.rays += rays_.size();
 
-  surfaces_.begin(hits_.size());
+  surfaces_.begin(hits_.size(), stream(-2, 1));
   for (std::size_t i = 0; i < hits_.size(); ++i) {
     const Hit& hit = hits_[i];
     if (!hit.is_hit()) continue;
@@ -102,8 +102,7 @@ void CellGather::trace(const HitLight& light, Counters& counters) {
       // As wide as the solid angle that the ray stands for.
       width *= std::sqrt(guided_.rays()[i - static_cast<std::size_t>(n)].share);
     }
-    RandomStream random = stream(static_cast<int>(i), 1);
-    surfaces_.add(i, hit, w, width * hit.t, light, random, counters);
+    surfaces_.add(i, hit, w, width * hit.t, light, counters);
   }
   surfaces_.finish(counters);
 }

@@ -1,7 +1,13 @@
 #include "gather/surface_light.h"
 
+#include "core/lattice.h"
+
 namespace brume {
 namespace {
+
+// Directions of neighbouring cells are neighbours in the same lattice, points on lights should not
+// be.
+constexpr double kStride = 7;
 
 // d/dw of the glossy lobe for wo = -w, by central differences: the lobe is smooth on this scale
 // down to the roughness that records take.
@@ -20,7 +26,10 @@ RgbGradient lobe_derivative(const Material& material, const Vec3d& n, const Vec3
 
 }  // namespace
 
-void SurfaceLight::begin(std::size_t cells) {
+void SurfaceLight::begin(std::size_t cells, RandomStream random) {
+  lamp_shift_.clear();
+  for (std::size_t l = 0; l < lighting_.world().lights().size(); ++l)
+    lamp_shift_.push_back(random.uniform2());
   emitted_.assign(cells, RgbD());
   reflected_.assign(cells, RgbD());
   derivative_.assign(cells, RgbGradient());
@@ -29,7 +38,7 @@ void SurfaceLight::begin(std::size_t cells) {
 }
 
 void SurfaceLight::add(std::size_t cell, const Hit& hit, const Vec3d& w, double footprint,
-                       const HitLight& light, RandomStream& random, Counters& counters) {
+                       const HitLight& light, Counters& counters) {
   const World& world = lighting_.world();
   const Material& material = world.material(hit);
   if (!material.direct) {
@@ -46,7 +55,8 @@ void SurfaceLight::add(std::size_t cell, const Hit& hit, const Vec3d& w, double 
   const Vec3d p = hit.position + ng * hit.offset;
 
   for (std::size_t l = 0; l < world.lights().size(); ++l) {
-    const LightSample s = world.lights()[l]->sample(p, random.uniform2());
+    const LightSample s =
+        world.lights()[l]->sample(p, lattice_point(kStride * double(cell), lamp_shift_[l]));
     const double cosine = n.dot(s.direction);
     if (is_black(s.weight) || cosine <= 0 || ng.dot(s.direction) <= 0) continue;
     const RgbD incident = s.weight * cosine;

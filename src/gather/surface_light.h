@@ -26,11 +26,11 @@ class SurfaceLight {
   explicit SurfaceLight(const Lighting& lighting, bool want_derivatives = false)
       : lighting_(lighting), want_derivatives_(want_derivatives) {}
 
-  void begin(std::size_t cells);
+  void begin(std::size_t cells, RandomStream random);
   // `hit` as seen from direction `w` (towards the surface) in cell `cell`, whose ray stands for
-  // what is `footprint` around it; random numbers from `random`.
+  // what is `footprint` around it.
   void add(std::size_t cell, const Hit& hit, const Vec3d& w, double footprint,
-           const HitLight& light, RandomStream& random, Counters& counters);
+           const HitLight& light, Counters& counters);
   // Traces what add() collected.
   void finish(Counters& counters);
 
@@ -54,6 +54,7 @@ class SurfaceLight {
 
   const Lighting& lighting_;
   bool want_derivatives_;
+  std::vector<Vec2d> lamp_shift_;  // By light: points on it follow one lattice over all cells.
   std::vector<RgbD> emitted_, reflected_;
   std::vector<RgbGradient> derivative_;
   std::vector<Pending> pending_;

@@ -138,9 +138,9 @@ RgbD PixelRenderer::glossy_indirect(const Vec3d& p, const Vec3d& n, const Vec3d&
   RgbD light =
       seen[Layer::VolumeDirect] + seen[Layer::VolumeIndirect] + seen[Layer::VolumeEmission];
   if (hit.is_hit()) {
-    hit_light_.begin(1);
+    hit_light_.begin(1, RandomStream(random.bits()));
     constexpr double kSpread = 1.0 / 16;  // Of one of a lobe's rays.
-    hit_light_.add(0, hit, ray.direction, kSpread * hit.t, below_, random, counters);
+    hit_light_.add(0, hit, ray.direction, kSpread * hit.t, below_, counters);
     hit_light_.finish(counters);
     light += hit_light_.radiance(0) * reaching;
   }
