@@ -7,7 +7,7 @@ namespace brume {
 namespace {
 
 // Bumped whenever the same scene and settings would give other records.
-constexpr int kAlgorithmVersion = 16;
+constexpr int kAlgorithmVersion = 17;
 
 // Infinity is null.
 std::string number(double v) {

@@ -1,7 +1,7 @@
 #include "bake/volume_placement.h"
 
 #include <algorithm>
-#include <atomic>
+#include <array>
 #include <cstring>
 #include <numeric>
 
@@ -64,24 +64,27 @@ Steps steps_around(const Lighting& lighting, const Vec3d& p, double sigma, doubl
   const Medium& medium = world.medium();
   double depth[3], distance[3], sum = 0, sum_of_depths = 0;
   int seen = 0;
-  MarchCounters ignored;
-  for (int a = 0; a < 3; ++a) {
-    depth[a] = distance[a] = kInfinity;
-    for (const double side : {-1.0, 1.0}) {
-      Vec3d w(0.0);
-      w[a] = side;
-      const double end = world.tracer().intersect({p, w}).t;
-      distance[a] = std::min(distance[a], end);
-      if (end < kInfinity) {
-        sum += end;
-        ++seen;
-      }
-      const double far = std::min(end, medium.is_unbounded() ? 100 / std::max(sigma, 1e-300) : end);
-      const double to_end =
-          max_component(optical_depth(medium, {p, w}, {0, far}, lighting.march(), ignored));
-      depth[a] = std::min(depth[a], to_end);
-      sum_of_depths += to_end;
+  std::array<Ray, 6> rays;  // Forth and back along each axis.
+  std::array<double, 6> ends;
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    Vec3d w(0.0);
+    w[static_cast<int>(i / 2)] = i % 2 == 0 ? -1 : 1;
+    rays[i] = {p, w};
+    const double end = world.tracer().intersect(rays[i]).t;
+    double& nearest = distance[i / 2];
+    nearest = i % 2 == 0 ? end : std::min(nearest, end);
+    if (end < kInfinity) {
+      sum += end;
+      ++seen;
     }
+    ends[i] = std::min(end, medium.is_unbounded() ? 100 / std::max(sigma, 1e-300) : end);
+  }
+  std::array<RgbD, 6> depths;
+  lighting.optical_depths(rays, ends, depths);
+  for (std::size_t a = 0; a < 3; ++a) {
+    const double back = max_component(depths[2 * a]), forth = max_component(depths[2 * a + 1]);
+    depth[a] = std::min(back, forth);
+    sum_of_depths += back + forth;
   }
   double lamp = kInfinity;
   for (const auto& light : world.lights())
@@ -167,8 +170,8 @@ std::optional<VolumePlacement::Site> VolumePlacement::site_of(const Box3d& cell)
 }
 
 void VolumePlacement::cut(const Box3d& cell, double scale, int depth,
-                          std::vector<Site>& sites) const {
-  if (sites.size() > kMostRecords) return;
+                          std::atomic<std::size_t>& placed, std::vector<Site>& sites) const {
+  if (placed > kMostFirst) return;
   std::optional<Site> site = site_of(cell);
   if (!site) return;
   const auto [steps, share] = steps_around(lighting_, site->position, site->densest, scale);
@@ -179,12 +182,13 @@ void VolumePlacement::cut(const Box3d& cell, double scale, int depth,
     if (size[a] * steps[axis] > size[axis] * steps[a]) axis = a;
   if (depth == kMostDepth || !(size[axis] > steps[axis])) {
     sites.push_back(*site);
+    ++placed;
     return;
   }
   Box3d low = cell, high = cell;
   low.max[axis] = high.min[axis] = (cell.min[axis] + cell.max[axis]) / 2;
-  cut(low, scale, depth + 1, sites);
-  cut(high, scale, depth + 1, sites);
+  cut(low, scale, depth + 1, placed, sites);
+  cut(high, scale, depth + 1, placed, sites);
 }
 
 std::vector<VolumePlacement::Site> VolumePlacement::first_sites(double scale) const {
@@ -195,6 +199,7 @@ std::vector<VolumePlacement::Site> VolumePlacement::first_sites(double scale) co
   int n[3];
   for (int a = 0; a < 3; ++a) n[a] = std::max(1, static_cast<int>(std::ceil(size[a] / h - 1e-9)));
   std::vector<std::vector<Site>> found(std::size_t(n[0]) * n[1] * n[2]);
+  std::atomic<std::size_t> placed = 0;
   parallel_for(threads_, found.size(), 1, [&](std::size_t i) {
     const int at[3] = {static_cast<int>(i % n[0]), static_cast<int>(i / n[0] % n[1]),
                        static_cast<int>(i / n[0] / n[1])};
@@ -203,7 +208,7 @@ std::vector<VolumePlacement::Site> VolumePlacement::first_sites(double scale) co
       cell.min[a] = box_.min[a] + size[a] * at[a] / n[a];
       cell.max[a] = box_.min[a] + size[a] * (at[a] + 1) / n[a];
     }
-    cut(cell, scale, 0, found[i]);
+    cut(cell, scale, 0, placed, found[i]);
   });
   std::vector<Site> all;
   for (const auto& some : found) all.insert(all.end(), some.begin(), some.end());

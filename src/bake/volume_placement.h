@@ -1,6 +1,7 @@
 // Deep records of the medium: where, what a gather finds there, and how far each reaches.
 #pragma once
 
+#include <atomic>
 #include <functional>
 #include <optional>
 #include <vector>
@@ -53,7 +54,9 @@ class VolumePlacement {
     double share = 1;
   };
   std::optional<Site> site_of(const Box3d& cell) const;
-  void cut(const Box3d& cell, double scale, int depth, std::vector<Site>& sites) const;
+  // `placed` counts the sites of all cells; what would be too many is not gone on with.
+  void cut(const Box3d& cell, double scale, int depth, std::atomic<std::size_t>& placed,
+           std::vector<Site>& sites) const;
   std::vector<Site> first_sites(double scale) const;
   // What a record's gather finds, or found in an earlier run: its row, clearance and error.
   bool find(VolumeRecord& record, DeepRow& row) const;

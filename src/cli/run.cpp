@@ -16,6 +16,7 @@
 #include "cli/values.h"
 #include "cli/version.h"
 #include "core/error.h"
+#include "core/parallel.h"
 
 namespace brume {
 namespace {
@@ -216,6 +217,7 @@ int run_verb(CLI::App& app, CommandContext& context) {
                              ", or see `brume --help`");
     return kUsageExit;
   }
+  const ThreadLimit limit(context.threads);
   return context.action();
 }
 

@@ -8,11 +8,14 @@
 #include <xmmintrin.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cstdlib>
 #include <thread>
 
 namespace brume {
 namespace {
+
+std::atomic<int> g_thread_limit = 0;
 
 constexpr unsigned kFlushToZero = 0x8000, kDenormalsAreZero = 0x0040;
 
@@ -32,8 +35,14 @@ DenormalsKept::~DenormalsKept() {
   if (were_flushed_) flush_denormals();
 }
 
+ThreadLimit::ThreadLimit(int threads) : before_(g_thread_limit) {
+  if (threads > 0) g_thread_limit = threads;
+}
+ThreadLimit::~ThreadLimit() { g_thread_limit = before_; }
+
 int resolve_thread_count(int requested) {
   if (requested > 0) return requested;
+  if (g_thread_limit > 0) return g_thread_limit;
   if (const char* slurm = std::getenv("SLURM_CPUS_PER_TASK")) {
     const int n = std::atoi(slurm);
     if (n > 0) return n;

@@ -24,7 +24,20 @@ class DenormalsKept {
   bool were_flushed_;
 };
 
-// 0 means SLURM_CPUS_PER_TASK, else the CPUs this process may run on.
+// While it lives, loops that ask for no number of threads have so many: those deep inside libraries,
+// like the building of an index. For the program's main thread; 0 changes nothing.
+class ThreadLimit {
+ public:
+  explicit ThreadLimit(int threads);
+  ~ThreadLimit();
+  ThreadLimit(const ThreadLimit&) = delete;
+  ThreadLimit& operator=(const ThreadLimit&) = delete;
+
+ private:
+  int before_;
+};
+
+// 0 means the ThreadLimit, else SLURM_CPUS_PER_TASK, else the CPUs this process may run on.
 int resolve_thread_count(int requested);
 
 // Runs body(i) for i in [0, count) on `threads` threads (resolved as above), in any order.

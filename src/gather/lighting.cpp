@@ -1,5 +1,8 @@
 #include "gather/lighting.h"
 
+#include <algorithm>
+#include <array>
+
 #include "core/random.h"
 #include "gather/bright_patches.h"
 #include "vdb_media/depth_marcher.h"
@@ -139,32 +142,45 @@ RgbD Lighting::transmittance(int light, const LightSample& sample, const Vec3d& 
   return tabulated(light, sample, p, counters);
 }
 
-void Lighting::transmittances(std::span<const Request> requests, std::span<RgbD> found,
-                              Counters& counters) const {
+void Lighting::optical_depths(std::span<const Ray> rays, std::span<const double> ends,
+                              std::span<RgbD> depths) const {
   const auto& volumes = world_.medium().volumes();
-  std::array<std::size_t, DepthMarcher::kRays> which;
-  std::array<Ray, DepthMarcher::kRays> rays;
-  std::array<double, DepthMarcher::kRays> ends;
-  std::size_t count = 0;
-  const auto march = [&] {
-    std::array<RgbD, DepthMarcher::kRays> tau{};
-    for (std::size_t v = 0; v < volumes.size(); ++v) {
+  MarchCounters unused;
+  for (std::size_t first = 0; first < rays.size(); first += DepthMarcher::kRays) {
+    const std::size_t count = std::min<std::size_t>(DepthMarcher::kRays, rays.size() - first);
+    for (std::size_t i = first; i < first + count; ++i)
+      depths[i] = marchers_.empty() ? optical_depth(world_.medium(), rays[i], {0, ends[i]},
+                                                    options_.march, unused)
+                                    : RgbD();
+    for (std::size_t v = 0; v < marchers_.size(); ++v) {
       std::array<float, DepthMarcher::kRays> integrals{};
       if (marchers_[v]) {
-        marchers_[v]->march({rays.data(), count}, {ends.data(), count}, {integrals.data(), count});
+        marchers_[v]->march(rays.subspan(first, count), ends.subspan(first, count),
+                            {integrals.data(), count});
       } else {
-        MarchCounters unused;
         for (std::size_t i = 0; i < count; ++i)
           integrals[i] = static_cast<float>(
-              density_integral(volumes[v], rays[i], {0, ends[i]}, {}, unused));
+              density_integral(volumes[v], rays[first + i], {0, ends[first + i]}, {}, unused));
       }
       const RgbD sigma_t = volumes[v].sigma_t();
       for (std::size_t i = 0; i < count; ++i)
         for (int c = 0; c < 3; ++c)
           // An endless path through what dims nothing is nothing.
-          if (sigma_t[c] > 0) tau[i][c] += sigma_t[c] * double(integrals[i]);
+          if (sigma_t[c] > 0) depths[first + i][c] += sigma_t[c] * double(integrals[i]);
     }
-    for (std::size_t i = 0; i < count; ++i) found[which[i]] = exp_neg(tau[i]);
+  }
+}
+
+void Lighting::transmittances(std::span<const Request> requests, std::span<RgbD> found,
+                              Counters& counters) const {
+  std::array<std::size_t, DepthMarcher::kRays> which;
+  std::array<Ray, DepthMarcher::kRays> rays;
+  std::array<double, DepthMarcher::kRays> ends;
+  std::array<RgbD, DepthMarcher::kRays> depths;
+  std::size_t count = 0;
+  const auto march = [&] {
+    optical_depths({rays.data(), count}, {ends.data(), count}, {depths.data(), count});
+    for (std::size_t i = 0; i < count; ++i) found[which[i]] = exp_neg(depths[i]);
     counters.march_rays += count;
     count = 0;
   };

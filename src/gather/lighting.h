@@ -54,6 +54,9 @@ class Lighting {
     Vec3d p;
   };
   void transmittances(std::span<const Request> requests, std::span<RgbD> found, Counters& counters) const;
+  // Depths of the medium along rays to their ends, the same way.
+  void optical_depths(std::span<const Ray> rays, std::span<const double> ends,
+                      std::span<RgbD> depths) const;
   // One, marched whatever the options say: for what eyes see directly.
   RgbD exact_transmittance(const LightSample& sample, const Vec3d& p, Counters& counters) const {
     return world_.medium().is_vacuum() ? RgbD(1) : exp_neg(exact_depth(sample, p, counters));

@@ -110,5 +110,20 @@ TEST_F(ThreadCountTest, RequestThenSlurmThenAffinity) {
   }
 }
 
+TEST_F(ThreadCountTest, ALimitHoldsWhereNoNumberIsAskedFor) {
+  setenv("SLURM_CPUS_PER_TASK", "5", 1);
+  {
+    const ThreadLimit one(1), none(0);
+    EXPECT_EQ(resolve_thread_count(0), 1);
+    EXPECT_EQ(resolve_thread_count(3), 3);
+    std::atomic<int> elsewhere = 0;
+    parallel_for(0, 64, 1, [&, main = std::this_thread::get_id()](std::size_t) {
+      elsewhere += std::this_thread::get_id() != main;
+    });
+    EXPECT_EQ(elsewhere, 0);
+  }
+  EXPECT_EQ(resolve_thread_count(0), 5);
+}
+
 }  // namespace
 }  // namespace brume
