@@ -24,8 +24,8 @@ class DenormalsKept {
   bool were_flushed_;
 };
 
-// While it lives, loops that ask for no number of threads have so many: those deep inside libraries,
-// like the building of an index. For the program's main thread; 0 changes nothing.
+// While it lives, loops that ask for no number of threads have so many: those deep inside
+// libraries, like the building of an index. For the program's main thread; 0 changes nothing.
 class ThreadLimit {
  public:
   explicit ThreadLimit(int threads);
