@@ -30,7 +30,7 @@ class BrightPatches {
   // are a few places, each under less than `solid_angle`, drawn by what they would bring
   // unoccluded; what is seen and lies close together is one patch. Where little of the largest ones
   // is seen, as past an edge, the rectangles that hold it are patches besides, found by `pilots`
-  // points. Costs up to 256 shadow rays and 12 for each pilot, at most.
+  // points. Costs up to 256 shadow rays and 15 for each pilot, at most.
   void visible_from(const Vec3d& origin, const Vec3d& normal, double solid_angle,
                     std::size_t pilots, RandomStream random, Counters& counters,
                     std::vector<BrightPatch>& visible) const;

@@ -26,6 +26,7 @@ class SurfaceLight {
   explicit SurfaceLight(const Lighting& lighting, bool want_derivatives = false)
       : lighting_(lighting), want_derivatives_(want_derivatives) {}
 
+  // Places the points on lights that are asked, of one lattice over all cells, at random.
   void begin(std::size_t cells, RandomStream random);
   // `hit` as seen from direction `w` (towards the surface) in cell `cell`, whose ray stands for
   // what is `footprint` around it.
